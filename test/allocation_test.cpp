@@ -114,6 +114,7 @@ nothing: {expression: "log(-1 - w1^2)"}
     }
   }
   EXPECT_EQ(allocations - before, 0);
+  simulation.calcQuantities(QuantityGroup::kOutputs, values.data());
   EXPECT_TRUE(std::isnan(values[1]));
 }
 

@@ -96,7 +96,7 @@ class SimulateTest(SimulateTestCase):
                 ("drive/inertai=1", "drive/inertai: unknown key", "did you mean 'inertia'?"),
                 ("sovler/step=1", "sovler: unknown key", "did you mean 'solver'?"),
                 ("initial/velocty/0=1", "--set: initial/velocty/0:", "'initial/velocity/0'"),
-                ("drive/inertia=x", "drive/inertia: expected a number"),
+                ("drive/inertia=x", "drive/inertia: unknown name 'x'"),
                 ("drive/inertia=[1", "--set: value of 'drive/inertia':1:"),
                 ("drive/inertia", "--set: 'drive/inertia' is not an override", "PATH=VALUE")):
             self.check_refused([SHIP, "--duration", "1", "--set", override], *words)
@@ -176,7 +176,8 @@ class SimulateTest(SimulateTestCase):
         self.check_refused([SHIP, "--duration", "1", "--columns"], "needs a value")
         self.check_refused([SHIP, "--duration", "1", "--columns", "state,enrgy"], "'enrgy'",
                            "did you mean 'energy'",
-                           "allowed: state, elements, inputs, outputs, states, variables, energy")
+                           "allowed: state, elements, inputs, outputs, states, variables, "
+                           "principle, energy")
         self.check_refused([SHIP, "--duration", "1", "--columns", "element"],
                            "did you mean 'elements'")
         self.check_refused([SHIP, "--duration", "1", "--columns", "state,"], "''")

@@ -88,6 +88,8 @@ class Constraint : public Law {
   /// Returns functions of the state at whose zeros psi, though continuous, has a kink in epsilon
   /// (abs, min, max of accelerations), as constraints of order 2. The least reaction may lie there.
   const std::vector<ConstraintPtr>& kinks() const { return kinks_; }
+  /// Returns the same constraint given as C eta + c0 = 0.
+  ConstraintPtr inOrder3() const;
   /// True when psi reads a commanded input.
   bool readsInputs() const { return !inputs_.empty(); }
 
@@ -95,11 +97,11 @@ class Constraint : public Law {
   Constraint() = default;
 
  private:
-  class Kink;
-  /// Makes a kink of another constraint, without `configure`.
-  Constraint(const Constraint& of, expression::Node function)
+  class Derived;
+  /// Makes a constraint that follows from another one, without `configure`.
+  Constraint(const Constraint& of, expression::Node function, int order)
       : Law(of.name(), of.shaftCount(), of.sharedGraph()) {
-    compile(function, 2, of.inputs_, of.name());
+    compile(function, order, of.inputs_, of.name());
   }
   void derive(const LawContext& law, const ComponentContext& context) override;
 

@@ -21,8 +21,8 @@ struct NodeNames {
 inline NodeNames nodeNames() {
   return {{"tick_rate", "publish_rate", "real_time_factor", "publish_clock", "start_paused",
            "realtime_priority", "lock_memory", "estimate_error", "overrides"},
-          {"state", "elements", "inputs", "outputs", "states", "variables", "energy", "events",
-           "scene", "status", "commands", "parameter_descriptions", "parameter_updates"}};
+          {"state", "elements", "inputs", "outputs", "states", "variables", "principle", "energy",
+           "events", "scene", "status", "commands", "parameter_descriptions", "parameter_updates"}};
 }
 
 }  // namespace variator_sim

@@ -9,14 +9,15 @@
 namespace variator_sim {
 
 struct OperatingPoint {
-  double time = 0.0;                 ///< t, s
-  std::vector<double> angle;         ///< phi, rad, s values
-  std::vector<double> velocity;      ///< omega, rad/s, s values
-  std::vector<double> acceleration;  ///< epsilon, rad/s^2, s values
-  std::vector<double> input;         ///< u in force, its own unit, one per input of the scene
-  std::vector<double> input_rate;    ///< u', its own unit per second
-  std::vector<double> command;       ///< limits of u
-  std::vector<int> mode;             ///< of elements that hold (HeldElement), as Scene::holdNames
+  double time = 0.0;                      ///< t, s
+  std::vector<double> angle;              ///< phi, rad, s values
+  std::vector<double> velocity;           ///< omega, rad/s, s values
+  std::vector<double> acceleration;       ///< epsilon, rad/s^2, s values
+  std::vector<double> input;              ///< u in force, its own unit, one per input of the scene
+  std::vector<double> input_rate;         ///< u', its own unit per second
+  std::vector<double> input_second_rate;  ///< u'', per second squared
+  std::vector<double> command;            ///< limits of u
+  std::vector<int> mode;  ///< of elements that hold (HeldElement), as Scene::holdNames
 };
 
 /// Names the modes: "'clutch' stuck, 'brake' free"; "" where nothing holds.

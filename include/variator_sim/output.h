@@ -2,9 +2,11 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "variator_sim/component_context.h"
 #include "variator_sim/expression/tape.h"
+#include "variator_sim/scene_symbols.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {
@@ -21,18 +23,28 @@ class Output {
   /// Reads the keys. Throws SceneError.
   explicit Output(ComponentContext& context);
 
+  /// Adds the names that outputs alone read: G_SHAFT, Z, constraint_measure. Names of the scene's
+  /// own keep their meaning.
+  static SceneSymbols nameObserved(SceneSymbols symbols, const std::vector<std::string>& shafts,
+                                   expression::Graph& graph);
+
   /// Returns its name in the scene.
   const std::string& name() const { return name_; }
   /// Returns its unit; "" if the scene names none.
   const std::string& unit() const { return unit_; }
   /// Returns NaN for a value that does not exist, which stops nothing. [loop]
   double calcValue(const StateView& state) const { return *formula_.evaluate(state); }
+  /// Tells whether it reads G, Z or the constraint measure, which the state alone does not tell.
+  bool readsPrinciple() const { return reads_principle_; }
   /// Returns the formula of the value in its unit, of the scene's graph.
   expression::Node node() const { return node_; }
 
  private:
+  static int slotOf(int n);
+
   std::string name_;
   std::string unit_;
+  bool reads_principle_ = false;
   expression::Node node_;
   expression::Tape formula_;
 };

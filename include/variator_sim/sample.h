@@ -24,9 +24,11 @@ struct Sample {
   double applied_torque[kMaxShafts] = {};        ///< Q, N m, positive accelerates
   double reaction_torque[kMaxShafts] = {};       ///< R = J epsilon - Q, N m
   double reaction_torque_rate[kMaxShafts] = {};  ///< R', N m/s
-  double residual[kMaxConstraints] = {};         ///< psi, the constraint's own unit
-  double multiplier[kMaxConstraints] = {};       ///< Lambda of R' = C^T Lambda [12, 15]
-  Energy energy;                                 ///< if tracked (Simulation::trackEnergy)
+  /// G = R' - Gamma R omega [6], N m/s: R' where the inertias are constant.
+  double reaction_torque_covariant_rate[kMaxShafts] = {};
+  double residual[kMaxConstraints] = {};    ///< psi, the constraint's own unit
+  double multiplier[kMaxConstraints] = {};  ///< Lambda of R' = C^T Lambda [12, 15]
+  Energy energy;                            ///< if tracked (Simulation::trackEnergy)
   /// Estimated global errors, at least 0, with Simulation::estimateErrors; NaN if unknown.
   double angle_error[kMaxShafts] = {};         ///< rad
   double velocity_error[kMaxShafts] = {};      ///< rad/s

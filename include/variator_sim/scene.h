@@ -67,6 +67,9 @@ struct Scene {
   Eigen::MatrixXd inertia;
   /// Harmonics of each shaft's inertia: s lists, or none when all are constant.
   std::vector<std::vector<InertiaHarmonic>> inertia_harmonics;
+  /// J_ij, s x s, where an entry is a formula of angles, the time and inputs (`inertia` has the
+  /// values at the start then); else empty.
+  std::vector<expression::Node> inertia_formulas;
   std::vector<TorquePtr> torques;
   std::vector<ConstraintPtr> constraints;
   std::vector<CommandInputSettings> inputs;

@@ -20,7 +20,8 @@ enum class StopReason : std::uint8_t {
   kProjectionFailed,    ///< Newton's iteration onto the constraint did not converge
   kChattering,          ///< a law jumps and the motion crosses back at once
   kTimeExhausted,       ///< the node's simulated time, in whole nanoseconds, is exhausted
-  kNoModes              ///< no modes of the elements that hold go on: rigid ones contradict
+  kNoModes,             ///< no modes of the elements that hold go on: rigid ones contradict
+  kIndefiniteInertia    ///< J, by formulas, is not positive definite here or just ahead
 };
 
 /// Returns the name that users see: "SingularConstraint", "StepUnderflow", ...; "" for kNone.

@@ -17,6 +17,11 @@ constexpr int kMaxInputs = 32;
 /// to as an input: that of number kMaxInputs + n, which is constant between events.
 constexpr int kMaxHolds = 64;
 
+/// Outputs read a motion's G, its measure Z and the constraint measure as inputs behind these
+/// sides.
+constexpr int kFirstObserved = kMaxInputs + kMaxHolds;
+constexpr int kMaxObserved = kMaxShafts + 2;
+
 /// An element that holds, at an instant.
 struct HeldElement {
   int mode = 2;                      ///< -1 slides backward, 0 holds, 1 slides forward, 2 free

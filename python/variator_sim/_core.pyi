@@ -38,7 +38,10 @@ class Sample:
         """N m"""
     @property
     def reaction_torque_rate(self) -> Array:
-        """N m/s"""
+        """R', N m/s"""
+    @property
+    def reaction_torque_covariant_rate(self) -> Array:
+        """G, N m/s; R' where the inertias are constant"""
     @property
     def residual(self) -> Array:
         """What is left of each constraint, its own unit."""
@@ -233,6 +236,9 @@ class Simulation:
     @property
     def variables(self) -> Dict[str, float]:
         """The scene's variables at the present."""
+    @property
+    def principle(self) -> Dict[str, float]:
+        """G of each shaft, N m/s, its measure Z and the constraint measure."""
     @property
     def inputs(self) -> Dict[str, float]:
         """Commanded inputs in force, after hold and clamp."""

@@ -13,7 +13,9 @@ COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 # Panel of a column by the last part of its name.
 LABELS = {"angle": "Angle, rad", "velocity": "Speed, rad/s", "acceleration": "Acceleration, rad/s²",
           "applied_torque": "Applied torque, N m", "reaction_torque": "Reaction torque, N m",
-          "reaction_torque_rate": "Reaction torque rate, N m/s", "residual": "Residual",
+          "reaction_torque_rate": "Reaction torque rate, N m/s",
+          "reaction_torque_covariant_rate": "Covariant rate of the reaction, N m/s",
+          "Z": "Z, N m/s⁴", "constraint_measure": "Constraint measure, N m/s²", "residual": "Residual",
           "multiplier": "Multiplier", "torque": "Torque, N m", "power": "Power, W"}
 # Modes of elements that hold: number, name, colour of the band, colour of its text.
 MODES = ((0, "stuck", "#0072B2", "white"), (1, "forward", "#E69F00", "black"), (-1, "backward", "#CC79A7", "black"),

@@ -217,7 +217,7 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
         times: sample at these instants instead, s, ascending.
         commands: path of a CSV, tuples (time, topic, value), or a dict of topics with pairs
             (time, value).
-        columns: groups of columns, "state", "elements", "inputs", "outputs", "states", "variables",
+        columns: groups of columns, "state", "elements", "inputs", "outputs", "states", "variables", "principle",
             "energy", with commas between, or a list of groups.
         overrides: values in place of the scene's by path: {"drive/inertia": 1.2}.
         state: where to start from, of `Simulation.state`.

@@ -24,7 +24,8 @@ from variator_sim.files import find_regular_file, whole_file
 from variator_sim.running import checked_times, read_commands
 
 KINDS = ("final", "min", "max", "mean", "integral", "settling")
-GROUPS = ("state", "elements", "inputs", "outputs", "states", "variables", "energy")
+GROUPS = ("state", "elements", "inputs", "outputs", "states", "variables",
+          "principle", "energy")
 DISTRIBUTIONS = {"normal": numpy.random.Generator.normal,
                  "uniform": numpy.random.Generator.uniform,
                  "lognormal": numpy.random.Generator.lognormal}

@@ -337,6 +337,11 @@ void Linearizer::nameModel(LinearModel& model) const {
                           "; as outputs they are whole");
   }
   model.outputs = outputNames(scene_);
+  for (const Output& output : scene_.outputs) {
+    if (!output.readsPrinciple()) continue;
+    model.notes.push_back("the output " + inQuotes(output.name()) +
+                          " reads how the reactions change and is left out");
+  }
   const std::string modes = describeModes(scene_, point_.mode);
   if (!modes.empty()) model.notes.push_back("in the mode that holds there: " + modes);
   if (program_->hasDifferences()) {

@@ -90,7 +90,9 @@ void addOutputs(MotionEquations& equations, const Scene& scene, ModelFormulas& f
     all.push_back(equations.torque(i));
     all.push_back(equations.reaction(i));
   }
-  for (const Output& output : scene.outputs) all.push_back(equations.inModes(output.node()));
+  for (const Output& output : scene.outputs) {
+    if (!output.readsPrinciple()) all.push_back(equations.inModes(output.node()));
+  }
   formulas.outputs = static_cast<int>(all.size() - before);
 }
 
@@ -126,7 +128,9 @@ std::vector<std::string> outputNames(const Scene& scene) {
       names.push_back(shaft + what);
     }
   }
-  for (const Output& output : scene.outputs) names.push_back("outputs/" + output.name());
+  for (const Output& output : scene.outputs) {
+    if (!output.readsPrinciple()) names.push_back("outputs/" + output.name());
+  }
   return names;
 }
 

@@ -141,10 +141,11 @@ void MotionEquations::addConstraint(const Constraint& constraint) {
 }
 
 bool MotionEquations::hasDiagonalInertia() const {
-  return scene_.inertia.isDiagonal(0.0);
+  return scene_.inertia.isDiagonal(0.0) && scene_.inertia_formulas.empty();
 }
 
 Node MotionEquations::inertia(int i, int j) {
+  if (!scene_.inertia_formulas.empty()) return GeneralInertia(graph_, scene_).entry(i, j);
   const Node mean = graph_.constant(scene_.inertia(i, j));
   return i == j ? addHarmonics(graph_, scene_, i, mean) : mean;
 }
@@ -153,6 +154,9 @@ Node MotionEquations::reaction(int i) {
   Node sum = graph_.negate(torque(i));
   for (int j = 0; j < layout_.S; ++j) {
     sum = graph_.add(sum, graph_.multiply(inertia(i, j), variable(layout_.acceleration(j))));
+  }
+  if (!scene_.inertia_formulas.empty()) {
+    return graph_.add(sum, GeneralInertia(graph_, scene_).inertialTorque(i));
   }
   // n = 1/2 J' omega^2
   const Node slope = graph_.differentiate(inertia(i, i), layout_.slot(layout_.angle(i)));
@@ -166,6 +170,14 @@ Node MotionEquations::reactionRate(int i) {
 }
 
 Node MotionEquations::connection(int i) {
+  if (!scene_.inertia_formulas.empty()) {
+    const GeneralInertia J(graph_, scene_);
+    Node sum = graph_.constant(0.0);
+    for (int j = 0; j < layout_.S; ++j) {
+      sum = graph_.add(sum, graph_.multiply(J.connection(i, j), variable(layout_.auxiliary(j))));
+    }
+    return sum;
+  }
   const Node slope = graph_.differentiate(inertia(i, i), layout_.slot(layout_.angle(i)));
   const Node half = graph_.multiply(graph_.constant(0.5), slope);
   return graph_.multiply(graph_.multiply(half, variable(layout_.velocity(i))),

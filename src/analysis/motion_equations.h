@@ -84,7 +84,9 @@ class MotionEquations {
   expression::Node inModes(expression::Node node) { return graph_.substitute(node, sides_); }
   /// Returns J_ij, kg m^2.
   expression::Node inertia(int i, int j);
-  bool hasConstantInertia() const { return scene_.inertia_harmonics.empty(); }
+  bool hasConstantInertia() const {
+    return scene_.inertia_harmonics.empty() && scene_.inertia_formulas.empty();
+  }
   bool hasDiagonalInertia() const;
   /// Returns R_i = (J epsilon)_i + n_i - Q_i, N m, or its rate, N m/s.
   expression::Node reaction(int i);

@@ -69,7 +69,12 @@ OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
                          scene.shafts.front() + "=VALUE");
   }
 
-  if (!scene.holdNames().empty()) {
+  if (!scene.inertia_formulas.empty() && point.time > 0.0) {
+    throw SceneError(source + "/time",
+                     "a scene whose inertia is a formula starts at 0; allowed: 0, or a time or a "
+                     "saved state as --at");
+  }
+  if (!scene.holdNames().empty() || !scene.inertia_formulas.empty()) {
     if (point.time > 0.0) {
       throw SceneError(source + "/time",
                        "the modes of elements that hold are decided at the scene's start; allowed: "

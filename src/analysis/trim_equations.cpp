@@ -106,6 +106,7 @@ std::vector<TrimQuantity> listTrimQuantities(MotionEquations& equations, const S
     list.push_back({scene.shafts[at(i)] + "/reaction_torque", -1, equations.reaction(i)});
   }
   for (const Output& output : scene.outputs) {
+    if (output.readsPrinciple()) continue;
     list.push_back({output.name(), -1, equations.inModes(output.node())});
   }
   return list;

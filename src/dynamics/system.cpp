@@ -393,6 +393,14 @@ void System::calcSample(double t, const State& x, Sample* sample) {
   } else if (k > 0) {
     calcFormalJerk(state, sample->reaction_torque, sample->multiplier, eta, rate);
   }
+  // G = R' - Gamma R omega
+  double connection[kMaxShafts] = {};
+  if (!drivetrain_.inertia().isConstant()) {
+    drivetrain_.calcConnection(state, sample->reaction_torque, connection);
+  }
+  for (int i = 0; i < S; ++i) {
+    sample->reaction_torque_covariant_rate[i] = rate[i] - connection[i];
+  }
   for (int m = 0; m < k; ++m) sample->residual[m] = drivetrain_.calcResidual(m, state, eta);
 }
 

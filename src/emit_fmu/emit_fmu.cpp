@@ -64,6 +64,11 @@ std::vector<Shown> listShown(const Scene& scene) {
   }
   for (const ConstraintPtr& constraint : scene.constraints) addOutputs(*constraint);
   for (const Output& output : scene.outputs) {
+    if (output.readsPrinciple()) {
+      throw SceneError(output.name(),
+                       "reads how the reactions change (G_SHAFT, Z), which an FMU does not tell; "
+                       "allowed: formulas of the state");
+    }
     made.push_back({"outputs/" + output.name(), output.unit(), output.node()});
   }
   return made;

@@ -63,6 +63,9 @@ std::string explainName(const std::string& name, const std::vector<std::string>&
            "ELEMENT_torque, elsewhere write its formula, or take the column ELEMENT/SHAFT/torque "
            "(--columns elements)";
   }
+  if (name.compare(0, 2, "G_") == 0 || name == "Z" || name == "constraint_measure") {
+    return "outputs may read it; the motion follows from it, and so do states and events";
+  }
   const int shaft_count = static_cast<int>(shafts.size());
   for (const char* prefix : kPrefixes) {
     if (isNumbered(name, prefix)) {

@@ -100,10 +100,10 @@ std::vector<Node> findKinks(Graph& graph, const std::vector<ShaftSet>& reads, No
 
 }  // namespace
 
-/// A function of the accelerations at whose zeros a constraint has a kink.
-class Constraint::Kink final : public Constraint {
+/// A function of the accelerations at whose zeros a constraint has a kink, or its form of order 3.
+class Constraint::Derived final : public Constraint {
  public:
-  Kink(const Constraint& of, Node function) : Constraint(of, function) {}
+  Derived(const Constraint& of, Node function, int order) : Constraint(of, function, order) {}
 
  private:
   void build(LawContext& /*scene*/) override {}
@@ -126,8 +126,18 @@ void Constraint::derive(const LawContext& law, const ComponentContext& context) 
   if (order != 2) return;
   const std::vector<ShaftSet> reads = findReads(graph, Source::kAcceleration, s);
   for (const Node kink : findKinks(graph, reads, given, s)) {
-    kinks_.push_back(std::make_shared<Kink>(*this, kink));
+    kinks_.push_back(std::make_shared<Derived>(*this, kink, 2));
   }
+}
+
+ConstraintPtr Constraint::inOrder3() const {
+  Graph& graph = Law::graph();
+  Node sum = row_nodes_.back();
+  for (int i = 0; i < shaftCount(); ++i) {
+    const Node jerk = graph.variable(slotOf(Source::kJerk, i));
+    sum = graph.add(sum, graph.multiply(row_nodes_[static_cast<std::size_t>(i)], jerk));
+  }
+  return std::make_shared<Derived>(*this, sum, 3);
 }
 
 /// The formulas of a constraint's programs.

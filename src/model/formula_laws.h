@@ -61,6 +61,19 @@ inline expression::Node addHarmonics(expression::Graph& graph, const Scene& scen
   return sum;
 }
 
+/// The entries of J, row by row.
+inline std::vector<expression::Node> inertiaOf(expression::Graph& graph, const Scene& scene) {
+  if (!scene.inertia_formulas.empty()) return scene.inertia_formulas;
+  std::vector<expression::Node> J;
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    for (int j = 0; j < scene.shaftCount(); ++j) {
+      const expression::Node number = graph.constant(scene.inertia(i, j));
+      J.push_back(i == j ? addHarmonics(graph, scene, i, number) : number);
+    }
+  }
+  return J;
+}
+
 /// 1/2 J_i' omega_i of the inertia J_i of shaft i.
 inline expression::Node connectionOf(expression::Graph& graph, expression::Node inertia, int i) {
   const expression::Node omega = graph.variable(slotOf(expression::Source::kVelocity, i));
@@ -68,5 +81,57 @@ inline expression::Node connectionOf(expression::Graph& graph, expression::Node 
       graph.differentiate(inertia, slotOf(expression::Source::kAngle, i));
   return graph.multiply(graph.constant(0.5), graph.multiply(slope, omega));
 }
+
+/// An inertia whose entries are formulas of angles, the time and inputs. With J' its total rate
+/// and d_i = d/dphi_i, from T = 1/2 J_jk omega_j omega_k and the Christoffel symbols of J [5, 6]:
+///     n_i = sum_j J'_ij omega_j - 1/2 sum_jk d_i J_jk omega_j omega_k
+///     Gamma R omega = B J^-1 R
+///     B_ij = Gamma_j,ik omega_k = 1/2 (J'_ij + sum_k (d_i J_jk - d_j J_ik) omega_k)
+/// with the time as an angle of rate 1 that has no inertia.
+class GeneralInertia {
+ public:
+  /// `graph`: the scene's, or a copy of it; has to outlive this.
+  GeneralInertia(expression::Graph& graph, const Scene& scene)
+      : graph_(graph), J_(scene.inertia_formulas), S(scene.shaftCount()) {
+    std::set<int> inputs;
+    for (int i = 0; i < scene.inputCount(); ++i) inputs.insert(i);
+    rates_ = expression::ratesOf(graph, S, inputs);
+  }
+  expression::Node entry(int i, int j) const { return J_[static_cast<std::size_t>(S * i + j)]; }
+  expression::Node inertialTorque(int i) const {
+    expression::Node sum = graph_.constant(0.0);
+    for (int j = 0; j < S; ++j) {
+      const expression::Node J_rate = graph_.totalDerivative(entry(i, j), rates_);
+      sum = graph_.add(sum, graph_.multiply(J_rate, omega(j)));
+      for (int k = 0; k < S; ++k) {
+        const expression::Node half = graph_.multiply(graph_.constant(-0.5), slope(i, j, k));
+        sum = graph_.add(sum, graph_.multiply(half, graph_.multiply(omega(j), omega(k))));
+      }
+    }
+    return sum;
+  }
+  expression::Node connection(int i, int j) const {
+    expression::Node sum = graph_.totalDerivative(entry(i, j), rates_);
+    for (int k = 0; k < S; ++k) {
+      const expression::Node turn = graph_.subtract(slope(i, j, k), slope(j, i, k));
+      sum = graph_.add(sum, graph_.multiply(turn, omega(k)));
+    }
+    return graph_.multiply(graph_.constant(0.5), sum);
+  }
+
+ private:
+  expression::Node omega(int i) const {
+    return graph_.variable(slotOf(expression::Source::kVelocity, i));
+  }
+  /// d_i J_jk
+  expression::Node slope(int i, int j, int k) const {
+    return graph_.differentiate(entry(j, k), slotOf(expression::Source::kAngle, i));
+  }
+
+  expression::Graph& graph_;
+  const std::vector<expression::Node>& J_;
+  const int S;
+  std::vector<expression::Graph::Rate> rates_;
+};
 
 }  // namespace variator_sim

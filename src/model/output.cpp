@@ -16,7 +16,29 @@ Output::Output(ComponentContext& context) : name_(context.name()) {
     node_ = graph.divide(graph.multiply(node_, graph.constant(unit.denominator)),
                          graph.constant(unit.numerator));
   }
+  for (int n = 0; n < kMaxObserved; ++n) {
+    reads_principle_ = reads_principle_ || graph.dependsOn(node_, slotOf(n));
+  }
   formula_ = expression::Tape(graph, {node_});
+}
+
+SceneSymbols Output::nameObserved(SceneSymbols symbols, const std::vector<std::string>& shafts,
+                                  expression::Graph& graph) {
+  symbols.of_elements = std::make_shared<std::set<std::string>>(*symbols.of_elements);
+  const auto add = [&](const std::string& name, int n) {
+    if (symbols.inputs.count(name) + symbols.played.count(name) != 0) return;  // the scene's own
+    if (!symbols.values.emplace(name, graph.variable(slotOf(n))).second) return;
+    symbols.of_elements->insert(name);
+  };
+  const int S = static_cast<int>(shafts.size());
+  for (int i = 0; i < S; ++i) add("G_" + shafts[static_cast<std::size_t>(i)], i);
+  add("Z", S);
+  add("constraint_measure", S + 1);
+  return symbols;
+}
+
+int Output::slotOf(int n) {
+  return expression::slotOf(expression::Source::kInput, kFirstObserved + n);
 }
 
 }  // namespace variator_sim

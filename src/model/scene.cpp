@@ -262,6 +262,7 @@ ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
   for (int i = 0; i < scene.shaftCount(); ++i) {
     const auto n = static_cast<std::size_t>(i);
     if (!scene.inertia_harmonics.empty() && !scene.inertia_harmonics[n].empty()) continue;
+    if (!scene.inertia_formulas.empty()) continue;
     root[scene.shafts[n]] =
         ParameterTree::dictionary({{"inertia", ParameterTree::real(scene.inertia(i, i))}});
   }
@@ -402,7 +403,11 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
   scene.graph->limitOperands(kMostOperands);
   Faults faults;
   bool verify_derivatives = true;
-  faults.collect([&] { readInertia(root, &scene); });
+  bool has_inertia = false;
+  faults.collect([&] {
+    readInertia(root, &scene);
+    has_inertia = true;
+  });
   faults.collect(
       [&] { scene.principle = readWord(root, "principle", kPrinciples, scene.principle); });
   faults.collect([&] { scene.initial = readInitial(root, scene.shafts.size()); });
@@ -413,6 +418,7 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
     scene.symbols = readSceneSymbols(root, names, scene.inputs, &scene.warnings);
     declareMemory(root, names, &scene);
     has_symbols = true;
+    if (has_inertia) readInertiaFormulas(root, &scene);
   });
   // Without these names formulas would be blamed for other faults.
   if (!has_symbols) faults.tell();
@@ -434,11 +440,11 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
     });
   }
   faults.collect([&] { readMemory(root, names, &scene); });
+  const SceneSymbols observed = Output::nameObserved(scene.symbols, scene.shafts, *scene.graph);
   for (const std::string& name : names.outputs) {
     faults.collect([&] {
       ParameterReader reader = root.section(name);
-      ComponentContext context(name, reader, scene.shafts, scene.inputs, scene.symbols,
-                               scene.graph);
+      ComponentContext context(name, reader, scene.shafts, scene.inputs, observed, scene.graph);
       scene.outputs.emplace_back(context);
       reader.finish();
     });
@@ -465,6 +471,7 @@ void rereadNumbers(const ParameterTree& given, const NodeNames& node, Scene* sce
 
 bool isOutsideFormulas(const std::string& path, const Scene& scene) {
   const std::string first = path.substr(0, path.find_first_of("/["));
+  if (!scene.inertia_formulas.empty()) return first == "solver";
   return first == "initial" || first == "solver" ||
          std::find(scene.shafts.begin(), scene.shafts.end(), first) != scene.shafts.end();
 }

@@ -6,11 +6,22 @@
 #include <limits>
 #include <utility>
 
+#include "model/formula_laws.h"
 #include "model/interrupted.h"
 #include "model/scene_names.h"
+#include "variator_sim/component_context.h"
+#include "variator_sim/expression/guards.h"
+#include "variator_sim/expression/parser.h"
+#include "variator_sim/expression/tape.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
+
+using expression::Graph;
+using expression::Node;
+using expression::slotOf;
+using expression::Source;
+
 namespace {
 
 struct ShaftInertia {
@@ -85,12 +96,28 @@ double calcLeastInertia(const ShaftInertia& inertia) {
   return std::min(calcInertia(inertia, best), calcInertia(inertia, 0.5 * (low + high)));
 }
 
+bool isFormula(ParameterReader reader, const std::string& key) {
+  const ParameterTree* value = reader.has(key) ? reader.raw(key) : nullptr;
+  return value != nullptr && value->kind() == ParameterTree::Kind::kText && !reader.isNumber(key);
+}
+
+/// Returns a coupling [shaft, shaft, value] as a dictionary of its value.
+ParameterTree valueOf(const ParameterTree& coupling) {
+  return ParameterTree::dictionary({{"value", coupling.asList()[2]}});
+}
+
 /// Reads a number, or {mean, harmonics: [{order, cos, sin}, ...]}; positive at every angle.
 ShaftInertia readShaftInertia(ParameterReader& root, const std::string& shaft) {
   ParameterReader reader = root.section(shaft);
   reader.allow("inertia");
   ShaftInertia inertia;
   const ParameterTree* value = reader.raw("inertia");
+  if (isFormula(reader, "inertia")) {
+    reader.numberDictionary("parameters");
+    reader.finish();
+    inertia.mean = inertia.least = 1.0;
+    return inertia;
+  }
   if (value == nullptr || value->kind() != ParameterTree::Kind::kDictionary) {
     inertia.mean = inertia.least = reader.number("inertia", Range::positive("kg m^2"));
     reader.finish();
@@ -191,6 +218,10 @@ void readInertiaCoupling(ParameterReader& root, const std::vector<double>& least
     throw unexpectedCoupling(kCouplings, *couplings);
   }
   std::vector<std::pair<int, int>> coupled;
+  bool has_formulas = false;
+  for (const std::string& shaft : scene->shafts) {
+    has_formulas = has_formulas || isFormula(root.section(shaft), "inertia");
+  }
   for (std::size_t n = 0; n < couplings->asList().size(); ++n) {
     const ParameterTree& coupling = couplings->asList()[n];
     const std::string path = elementPath(kCouplings, n);
@@ -200,6 +231,10 @@ void readInertiaCoupling(ParameterReader& root, const std::vector<double>& least
                                  " couples these shafts a second time; allowed: every pair once");
     }
     coupled.push_back(pair);
+    if (isFormula(ParameterReader(valueOf(coupling), path), "value")) {
+      has_formulas = true;
+      continue;
+    }
     const double value =
         ParameterReader::toNumber(coupling.asList()[2], elementPath(path, 2), Range::any("kg m^2"));
     (*J)(pair.first, pair.second) = value;
@@ -210,7 +245,7 @@ void readInertiaCoupling(ParameterReader& root, const std::vector<double>& least
   for (std::size_t i = 0; i < least.size(); ++i) {
     smallest(static_cast<int>(i), static_cast<int>(i)) = least[i];
   }
-  if (isPositiveDefinite(smallest)) return;
+  if (has_formulas || isPositiveDefinite(smallest)) return;
   throw SceneError(kCouplings,
                    couplings->toText() +
                        " makes the inertia matrix J indefinite: its smallest eigenvalue is " +
@@ -233,6 +268,103 @@ void readInertia(ParameterReader& root, Scene* scene) {
   }
   if (constant) scene->inertia_harmonics.clear();
   readInertiaCoupling(root, least, scene);
+}
+
+namespace {
+
+/// Sets J, whose values at the start are checked.
+void takeFormulas(std::vector<Node> J, bool are_constant, Scene* scene) {
+  const int S = scene->shaftCount();
+  std::vector<double> angle = scene->initial.angle;
+  angle.resize(static_cast<std::size_t>(S), 0.0);
+  std::vector<double> input;
+  for (const CommandInputSettings& it : scene->inputs) input.push_back(it.initial);
+  StateView state{};
+  state.angle = angle.data();
+  state.input = input.data();
+  const expression::Tape tape(*scene->graph, J);
+  const double* const value = tape.evaluate(state);
+  for (int n = 0; n < S * S; ++n) scene->inertia(n / S, n % S) = value[n];
+  if (!isPositiveDefinite(scene->inertia)) {
+    throw SceneError("shafts",
+                     "the inertia matrix J is not positive definite at the start: its smallest "
+                     "eigenvalue is " +
+                         ParameterTree::real(calcSmallestEigenvalue(scene->inertia)).toText() +
+                         " kg m^2");
+  }
+  if (!are_constant) scene->inertia_formulas = std::move(J);
+}
+
+/// Reads one formula of J.
+Node readEntry(ParameterReader& reader, const std::string& name, const std::string& key,
+               const Scene& scene, std::vector<CommandInputSettings>& inputs) {
+  Graph& graph = *scene.graph;
+  const std::string path = reader.keyPath(key);
+  reader.allow(key);
+  ComponentContext context(name, reader, scene.shafts, inputs, scene.symbols, scene.graph);
+  const Node entry = readFormula(context, key, expression::FormulaKind::kQuantity, graph);
+  reader.finish();
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    if (!graph.dependsOn(entry, slotOf(Source::kVelocity, i))) continue;
+    throw SceneError(path,
+                     "reads a velocity; allowed: angles, t, inputs and tables, for T = 1/2 "
+                     "omega^T J omega has J(phi, t)");
+  }
+  for (const int n : context.usedInputs()) {
+    const CommandInputSettings& input = inputs[static_cast<std::size_t>(n)];
+    if (input.kind == InputKind::kCommanded && input.hold == Hold::kSecondOrderLag) continue;
+    throw SceneError(path, "reads " + inQuotes(input.name) +
+                               ", and where it or its rate jumps the velocities would; allowed: "
+                               "commanded inputs with 'hold: second_order_lag'");
+  }
+  bool bends = !expression::findBranches(graph, {entry}).empty();
+  for (const expression::Passage& it : expression::findPassages(graph, {entry})) {
+    bends = bends || it.smoothness < 3;
+  }
+  if (!bends) return entry;
+  throw SceneError(path,
+                   "is bent by abs, min, max, if or a table that is not smooth; allowed: "
+                   "formulas with two derivatives");
+}
+
+}  // namespace
+
+void readInertiaFormulas(ParameterReader& root, Scene* scene) {
+  Graph& graph = *scene->graph;
+  const int S = scene->shaftCount();
+  std::vector<Node> J = inertiaOf(graph, *scene);
+  bool are_constant = true;
+  const auto set = [&](int i, int j, Node entry) {
+    J[static_cast<std::size_t>(S * i + j)] = J[static_cast<std::size_t>(S * j + i)] = entry;
+    are_constant = are_constant && graph.isConstant(entry);
+  };
+  bool is_any = false;
+  for (int i = 0; i < S; ++i) {
+    const std::string& shaft = scene->shafts[static_cast<std::size_t>(i)];
+    ParameterReader reader = root.section(shaft);
+    if (!isFormula(reader, "inertia")) continue;
+    set(i, i, readEntry(reader, shaft, "inertia", *scene, scene->inputs));
+    is_any = true;
+  }
+  const ParameterTree* couplings = root.raw(kCouplings);
+  const bool has_couplings =
+      couplings != nullptr && couplings->kind() == ParameterTree::Kind::kList;
+  for (std::size_t n = 0; has_couplings && n < couplings->asList().size(); ++n) {
+    const ParameterTree& coupling = couplings->asList()[n];
+    const std::string path = elementPath(kCouplings, n);
+    const auto [i, j] = readCoupledShafts(coupling, path, scene->shafts);
+    const ParameterTree value = valueOf(coupling);
+    ParameterReader reader(value, path);
+    if (!isFormula(reader, "value")) continue;
+    is_any = true;
+    try {
+      set(i, j, readEntry(reader, path, "value", *scene, scene->inputs));
+    } catch (const SceneError& error) {
+      throw SceneError(elementPath(path, 2), error.message());
+    }
+  }
+  if (!is_any) return;
+  takeFormulas(std::move(J), are_constant, scene);
 }
 
 }  // namespace variator_sim

@@ -23,8 +23,9 @@ const char* toString(StopReason reason) {
                                     "ProjectionFailed",
                                     "Chattering",
                                     "TimeExhausted",
-                                    "NoModes"};
-  static_assert(std::size(kNames) == static_cast<std::size_t>(StopReason::kNoModes) + 1);
+                                    "NoModes",
+                                    "IndefiniteInertia"};
+  static_assert(std::size(kNames) == static_cast<std::size_t>(StopReason::kIndefiniteInertia) + 1);
   return kNames[static_cast<std::size_t>(reason)];
 }
 

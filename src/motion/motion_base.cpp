@@ -132,6 +132,10 @@ OperatingPoint MotionBase::operatingPoint() {
   point.acceleration.assign(state.acceleration, state.acceleration + scene.shaftCount());
   point.input.assign(state.input, state.input + scene.inputCount());
   point.input_rate.assign(state.input_rate, state.input_rate + scene.inputCount());
+  if (state.input_second_rate != nullptr) {
+    point.input_second_rate.assign(state.input_second_rate,
+                                   state.input_second_rate + scene.inputCount());
+  }
   for (int i = 0; i < scene.inputCount(); ++i) point.command.push_back(signal(i).target());
   for (std::size_t h = 0; state.held != nullptr && h < scene.holdNames().size(); ++h) {
     point.mode.push_back(state.held[h].mode);

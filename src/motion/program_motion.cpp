@@ -223,6 +223,15 @@ double ProgramMotion::lastInside() const {
 void ProgramMotion::stop(scene_status status) {
   stop(reasonOf(status));
   status_.time = frontTime();
+  double input[kMaxInputs];
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    input[i] = signal_[i].value(signal_origin_.relative(frontTime()));
+  }
+  StateView front{};
+  front.time = frontTime();
+  front.angle = state_;
+  front.input = input;
+  if (quantities.isInertiaLost(front)) status_.reason = StopReason::kIndefiniteInertia;
 }
 
 // --- commands --------------------------------------------------------------------------------
@@ -318,6 +327,7 @@ void ProgramMotion::takeSample(Sample* sample) {
                   sample->applied_torque,
                   sample->reaction_torque,
                   sample->reaction_torque_rate,
+                  sample->reaction_torque_covariant_rate,
                   sample->residual,
                   sample->multiplier,
                   0.0,

@@ -1,22 +1,36 @@
 #include "motion/quantities.h"
 
+#include <algorithm>
+
+#include "model/formula_laws.h"
+
 namespace variator_sim {
 
 const char* toString(QuantityGroup group) {
-  constexpr const char* kNames[] = {"elements", "inputs", "outputs", "states",
-                                    "variables"};  // as they are enumerated
+  constexpr const char* kNames[] = {"elements",  "inputs",   "outputs", "states",
+                                    "variables", "principle"};  // as they are enumerated
   return kNames[static_cast<std::size_t>(group)];
 }
 
-Quantities::Quantities(const Scene& scene) : scene_(scene) {
-  auto& [names, inputs, outputs, states, variables] = names_;
+Quantities::Quantities(const Scene& scene)
+    : scene_(scene), inertia_(*scene.graph, inertiaOf(*scene.graph, scene)) {
+  auto& [names, inputs, outputs, states, variables, principle] = names_;
   for (const CommandInputSettings& input : scene.inputs) {
     (input.kind == InputKind::kState      ? states
      : input.kind == InputKind::kVariable ? variables
                                           : inputs)
         .push_back(input.name);
   }
-  for (const Output& output : scene.outputs) outputs.push_back(output.name());
+  for (const Output& output : scene.outputs) {
+    outputs.push_back(output.name());
+    reads_principle_ = reads_principle_ || output.readsPrinciple();
+  }
+  for (const std::string& shaft : scene.shafts) {
+    principle.push_back(shaft + "/reaction_torque_covariant_rate");
+  }
+  for (const char* measure : {"principle/Z", "principle/constraint_measure"}) {
+    principle.emplace_back(measure);
+  }
   const auto add_outputs = [&names = names](const auto& element) {
     const std::vector<std::string>& its = element.outputs().names();
     for (const std::string& output : its) names.push_back(element.name() + "/" + output);
@@ -45,7 +59,8 @@ Quantities::Quantities(const Scene& scene) : scene_(scene) {
   }
 }
 
-void Quantities::calc(QuantityGroup group, const StateView& state, double* values) const {
+void Quantities::calc(QuantityGroup group, const StateView& state, const Sample& sample,
+                      double* values) const {
   switch (group) {
     case QuantityGroup::kElements:
       calcElements(state, values);
@@ -60,9 +75,51 @@ void Quantities::calc(QuantityGroup group, const StateView& state, double* value
       calcInputs(InputKind::kVariable, state, values);
       break;
     case QuantityGroup::kOutputs:
-      for (const Output& output : scene_.outputs) *values++ = output.calcValue(state);
+      calcOutputs(state, sample, values);
+      break;
+    case QuantityGroup::kPrinciple:
+      calcPrinciple(state, sample, values);
       break;
   }
+}
+
+void Quantities::calcOutputs(const StateView& state, const Sample& sample, double* values) const {
+  StateView observed = state;
+  double input[kFirstObserved + kMaxObserved];
+  if (reads_principle_) {
+    const std::size_t known = scene_.inputs.size();
+    std::copy_n(state.input, state.held != nullptr ? kFirstObserved : known, input);
+    calcPrinciple(state, sample, input + kFirstObserved);
+    observed.input = input;
+  }
+  for (const Output& output : scene_.outputs) *values++ = output.calcValue(observed);
+}
+
+void Quantities::calcPrinciple(const StateView& state, const Sample& sample, double* values) const {
+  const int S = scene_.shaftCount();
+  const DenseMatrix J = calcInertia(state);
+  const auto measure = [&](const double* torque) {
+    const Eigen::Map<const Eigen::VectorXd> F(torque, S);
+    DenseVector by_inertia = F;
+    solveSymmetric(J, 0.0, &by_inertia);
+    return 0.5 * F.dot(by_inertia);
+  };
+  values = std::copy_n(sample.reaction_torque_covariant_rate, S, values);
+  *values++ = measure(sample.reaction_torque_covariant_rate);
+  *values = measure(sample.reaction_torque);
+}
+
+DenseMatrix Quantities::calcInertia(const StateView& state) const {
+  const int S = scene_.shaftCount();
+  return Eigen::Map<const Eigen::MatrixXd>(inertia_.evaluate(state), S, S);
+}
+
+bool Quantities::isInertiaLost(const StateView& state) const {
+  if (scene_.inertia_formulas.empty()) return false;
+  const DenseMatrix J = calcInertia(state);
+  constexpr double kLost = 1e-6;  // of the largest entry: accelerations grow as its inverse
+  DenseVector unused = DenseVector::Zero(J.rows());
+  return !solveSymmetric(J, kLost * J.cwiseAbs().maxCoeff(), &unused);
 }
 
 void Quantities::calcInputs(InputKind kind, const StateView& state, double* values) const {

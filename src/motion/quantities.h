@@ -5,7 +5,10 @@
 #include <string>
 #include <vector>
 
+#include "dynamics/dense.h"
+#include "variator_sim/expression/tape.h"
 #include "variator_sim/quantity_group.h"
+#include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
 #include "variator_sim/types.h"
 
@@ -21,14 +24,24 @@ class Quantities {
   const std::vector<std::string>& names(QuantityGroup group) const {
     return names_[static_cast<std::size_t>(group)];
   }
-  /// Writes names(group).size() values, NaN for those that do not exist. [loop]
-  void calc(QuantityGroup group, const StateView& state, double* values) const;
+  /// Writes names(group).size() values, NaN for those that do not exist; `sample` is that of
+  /// `state`. [loop]
+  void calc(QuantityGroup group, const StateView& state, const Sample& sample,
+            double* values) const;
+  /// True where J, if formulas give it, is not positive definite, or hardly so.
+  bool isInertiaLost(const StateView& state) const;
 
  private:
+  void calcOutputs(const StateView& state, const Sample& sample, double* values) const;
+  /// Writes G, Z = 1/2 G^T J^-1 G and 1/2 R^T J^-1 R.
+  void calcPrinciple(const StateView& state, const Sample& sample, double* values) const;
+  DenseMatrix calcInertia(const StateView& state) const;
   void calcElements(const StateView& state, double* values) const;
   void calcInputs(InputKind kind, const StateView& state, double* values) const;
 
   const Scene& scene_;
+  expression::Tape inertia_;      ///< J
+  bool reads_principle_ = false;  ///< some output does
   std::array<std::vector<std::string>, kQuantityGroups.size()> names_;
   /// Shafts per torque and per constraint.
   std::vector<std::vector<int>> shafts_;

@@ -19,14 +19,16 @@ namespace {
 
 /// Tells whether an integrator of the equations of shafts and constraints does not suffice.
 bool needsProgram(const Scene& scene) {
-  return !scene.holdNames().empty() || !scene.nameOfDirection().empty() || scene.hasMemory();
+  return !scene.holdNames().empty() || !scene.nameOfDirection().empty() || scene.hasMemory() ||
+         !scene.inertia_formulas.empty();
 }
 
 /// Throws SceneError for a stepper that does not know modes.
 void refuseOtherSteppers(const Scene& scene) {
   const StepperKind stepper = scene.solver.stepper;
   const std::vector<std::string> holds = scene.holdNames();
-  const std::string name = holds.empty() ? scene.nameOfDirection() : holds.front();
+  std::string name = holds.empty() ? scene.nameOfDirection() : holds.front();
+  if (name.empty() && !scene.inertia_formulas.empty()) name = "inertia";
   if (name.empty() || stepper == StepperKind::kAuto || stepper == StepperKind::kTaylor) return;
   throw SceneError("solver/stepper", inQuotes(toString(stepper)) + " does not step " +
                                          inQuotes(name) + "; allowed: auto, taylor");
@@ -150,7 +152,8 @@ const std::vector<std::string>& Simulation::quantityNames(QuantityGroup group) c
 }
 void Simulation::calcQuantities(QuantityGroup group, double* values) {
   motion_->settle();
-  motion_->quantities.calc(group, motion_->view(), values);
+  const StateView state = motion_->view();
+  motion_->quantities.calc(group, state, motion_->sample(), values);
 }
 
 void Simulation::trackEnergy(bool on) {

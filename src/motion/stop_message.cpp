@@ -275,6 +275,8 @@ const char* explainReason(StopReason reason) {
     case StopReason::kNoModes:
       return "no modes of the elements that hold go on: rigid ones contradict each other, or "
              "limits that depend on the motion leave none";
+    case StopReason::kIndefiniteInertia:
+      return "the inertia matrix, which formulas give, is not positive definite here or just ahead";
     case StopReason::kProjectionFailed:
       return "no accelerations that satisfy the constraints were found";
     default:

@@ -19,8 +19,8 @@ struct MotionList {
 // The names are those of the texts: numbers of things and flags,
 #define VARIATOR_SIM_MOTION_SIZES(F)                                                          \
   F(S) F(K) F(CONSTRAINTS) F(HOLDS) F(TRANSMITS) F(WATCHED) F(INPUTS) F(SIZE) F(IS_CLASSICAL) \
-  F(IS_CURVED) F(IS_COUPLED) F(INERTIA_VARIES) F(ENTRIES_TURN)                               \
-  F(HAS_ORDER_1) F(HAS_RESIDUAL) F(HAS_GIVEN_ACCELERATIONS)   \
+  F(IS_CURVED) F(IS_COUPLED) F(INERTIA_VARIES) F(IS_GENERAL) F(ENTRIES_TURN)                   \
+  F(HAS_ORDER_1) F(HAS_RESIDUAL) F(HAS_GIVEN_ACCELERATIONS)                                   \
   F(MAY_PROJECT) F(HAS_NEUTRAL) F(JUMPS_STRAIGHT) F(COMPONENTS) F(FIRST_JUDGED) F(SIGNS)      \
   F(TABLES) F(CONSTANTS) F(INPUT_ROW_COUNT) F(RESOLVED) F(STATES) F(STATE) F(VARIABLES)       \
   F(EVENTS) F(FIRST_EVENT)                                                                    \
@@ -39,6 +39,7 @@ struct MotionList {
   F(int, has_direction) F(int, entry_begin) F(int, entry_shaft) F(int, entry_varies)         \
   F(int, load_of) F(int, slope_row) F(int, base_row) F(int, curvature_row) \
   F(int, input_slope_row) F(int, inertia_row) F(int, inertial_row) F(int, connection_row)       \
+  F(int, pair_row) F(int, turn_row)                                                             \
   F(int, sign_row) F(int, sign_jumps) F(int, constant_row) F(double, constant_value)            \
   F(int, input_row) F(int, input_of_row) F(int, input_rate_of_row) F(double, timeout_of)        \
   F(int, passage_row) F(int, passage_count) F(int, passage_jumps)                               \

@@ -63,6 +63,8 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   add(formulas_.inertia);
   add(formulas_.inertial_torque);
   add(formulas_.connection);
+  add(formulas_.pair);
+  add(formulas_.turn);
   add(formulas_.rate);
   for (const expression::Branch& it : formulas_.signs) outputs_.push_back(it.argument);
   for (const expression::Passage& it : formulas_.tables) outputs_.push_back(it.argument);
@@ -159,7 +161,8 @@ void MotionProgram::setSizes(const Scene& scene) {
   SIZE = S + K;
   IS_CURVED = std::any_of(formulas_.curvature.begin(), formulas_.curvature.end(),
                           [&](Node node) { return !scene.graph->isConstant(node, 0.0); });
-  IS_COUPLED = isDiagonal(scene.inertia) ? 0 : 1;
+  IS_GENERAL = formulas_.pair.empty() ? 0 : 1;
+  IS_COUPLED = isDiagonal(scene.inertia) && IS_GENERAL == 0 ? 0 : 1;
   INERTIA_VARIES = formulas_.inertia_varies ? 1 : 0;
   ENTRIES_TURN = anyEntry([this](int row) { return program_.isAccelerated(row); });
   HAS_ORDER_1 = HOLDS > 0 || hasOrder(scene, 1, 1) ? 1 : 0;
@@ -228,6 +231,8 @@ void MotionProgram::setLists(const Scene& scene) {
   inertia_row = rowsOf(formulas_.inertia);
   inertial_row = rowsOf(formulas_.inertial_torque);
   connection_row = rowsOf(formulas_.connection);
+  pair_row = rowsOf(formulas_.pair);
+  turn_row = rowsOf(formulas_.turn);
   for (const expression::Branch& it : formulas_.signs) {
     sign_row.values.push_back(rowOf(it.argument));
     sign_jumps.values.push_back(static_cast<int>(it.jumps));
@@ -297,6 +302,8 @@ void MotionProgram::setHolds(const expression::Graph& graph) {
       watch(formulas_.direction[static_cast<std::size_t>(m) * static_cast<std::size_t>(S) +
                                 static_cast<std::size_t>(i)]);
   }
+  for (const Node node : formulas_.pair) watch(node);
+  for (const Node node : formulas_.turn) watch(node);
   for (const SceneHold& it : formulas_.holds) {
     for (const Node node : {it.upper, it.lower, it.level}) watch(node);
     load_of.values.push_back(it.load);

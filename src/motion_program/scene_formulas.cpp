@@ -29,7 +29,22 @@ void refuse(SceneFormulas& made, const std::string& name, const std::string& rea
   if (!made.no_steps) made.no_steps = SceneError(name, "cannot be written as C: " + reason);
 }
 
+void addGeneralInertia(const Scene& scene, SceneFormulas& made) {
+  const GeneralInertia J(*scene.graph, scene);
+  made.inertia_varies = true;
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    made.inertia.push_back(J.entry(i, i));
+    made.inertial_torque.push_back(J.inertialTorque(i));
+    made.connection.push_back(scene.graph->constant(0.0));
+    for (int j = 0; j < scene.shaftCount(); ++j) {
+      made.pair.push_back(J.entry(i, j));
+      made.turn.push_back(J.connection(i, j));
+    }
+  }
+}
+
 void addInertia(const Scene& scene, SceneFormulas& made) {
+  if (!scene.inertia_formulas.empty()) return addGeneralInertia(scene, made);
   Graph& graph = *scene.graph;
   for (int i = 0; i < scene.shaftCount(); ++i) {
     // The mean comes last: scenes that differ in it alone sum the rest in the same order.
@@ -243,6 +258,7 @@ SceneFormulas collectFormulas(const Scene& scene) {
     laws.insert(laws.end(), {it.slip, it.torque, it.upper, it.lower, it.level, it.gap});
     if (it.load >= 0) laws.insert(laws.end(), {it.slope[0], it.slope[1], it.base[0], it.base[1]});
   }
+  laws.insert(laws.end(), made.pair.begin(), made.pair.end());
   for (const SceneState& state : scene.states) made.rate.push_back(state.rate);
   laws.insert(laws.end(), made.rate.begin(), made.rate.end());
   for (const SceneEvent& event : scene.events) laws.push_back(event.when);

@@ -124,6 +124,7 @@ void bindSample(py::module& module) {
   add("applied_torque", &Sample::applied_torque);
   add("reaction_torque", &Sample::reaction_torque);
   add("reaction_torque_rate", &Sample::reaction_torque_rate);
+  add("reaction_torque_covariant_rate", &Sample::reaction_torque_covariant_rate);
   sample.def_property_readonly("residual", [](const NamedSample& self) {
     return toArray(self.sample.residual, self.names->constraints);
   });

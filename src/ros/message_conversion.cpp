@@ -29,7 +29,8 @@ DrivetrainState makeState(const Scene& scene, bool has_errors) {
   const std::size_t shafts = scene.shafts.size();
   for (std::vector<double>* values :
        {&message.angle, &message.velocity, &message.acceleration, &message.applied_torque,
-        &message.reaction_torque, &message.reaction_torque_rate}) {
+        &message.reaction_torque, &message.reaction_torque_rate,
+        &message.reaction_torque_covariant_rate}) {
     values->assign(shafts, 0.0);
   }
   message.residual.assign(scene.constraints.size(), 0.0);
@@ -49,6 +50,7 @@ void fillState(const Sample& sample, double time, DrivetrainState& message) {
   copy(sample.applied_torque, message.applied_torque);
   copy(sample.reaction_torque, message.reaction_torque);
   copy(sample.reaction_torque_rate, message.reaction_torque_rate);
+  copy(sample.reaction_torque_covariant_rate, message.reaction_torque_covariant_rate);
   copy(sample.residual, message.residual);
   copy(sample.multiplier, message.multiplier);
   copy(sample.angle_error, message.angle_error);

@@ -53,6 +53,7 @@ VS_FUNCTION double vs_direction(const scene_series* it, int p, int i) {
 }
 
 VS_FUNCTION double vs_inertia(const scene_series* it, int i, int j) {
+  if (IS_GENERAL) return it->row[pair_row[S * i + j]][0];
   return i == j ? it->row[inertia_row[i]][0] : coupling[S * i + j];
 }
 

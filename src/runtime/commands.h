@@ -95,6 +95,16 @@ VS_FUNCTION double vs_residual(const scene_series* it, int p) {
   return left;
 }
 
+/* 1/2 J' omega J^-1 R, or B J^-1 R: R' less its covariant form G */
+VS_FUNCTION double vs_connection(const scene_series* it, int i) {
+  double sum = 0.0;
+  int j;
+  for (j = 0; j < S && IS_GENERAL; ++j)
+    sum += it->row[turn_row[S * i + j]][0] * it->row[PULL + j][0];
+  if (INERTIA_VARIES && !IS_GENERAL) sum = it->row[connection_row[i]][0] * it->row[PULL + i][0];
+  return sum;
+}
+
 /* R' = C' Lambda + 1/2 J' omega J^-1 R; of gauss, or along D, D' lambda' + (dD/dt)' lambda */
 VS_FUNCTION double vs_reaction_rate(const scene_series* it, int i) {
   double rate = 0.0;
@@ -105,6 +115,5 @@ VS_FUNCTION double vs_reaction_rate(const scene_series* it, int i) {
     rate += IS_CLASSICAL ? (D[0] * l[1] + D[1] * l[0]) / it->unit : D[0] * l[0];
     if (has_direction[p] && !IS_CLASSICAL) rate += D[1] * it->row[TRANSMITTED + p][0] / it->unit;
   }
-  if (!IS_CLASSICAL && INERTIA_VARIES) rate += it->row[connection_row[i]][0] * it->row[PULL + i][0];
-  return rate;
+  return IS_CLASSICAL ? rate : rate + vs_connection(it, i);
 }

@@ -57,13 +57,13 @@ typedef struct {
 
 /* The quantities of one instant that a host asks for. */
 typedef struct {
-  double *angle, *velocity, *acceleration, *torque; /* Q; S each */
-  double *reaction, *reaction_rate;                 /* R, R'; S */
-  double *residual, *multiplier;                    /* K */
-  double kinetic;                                   /* J */
-  vs_seen_hold* hold;                               /* of elements that hold, HOLDS */
-  double* on_shaft;                                 /* N m, of each on each shaft: HOLDS S */
-  double* input;                                    /* of states and variables the value; INPUTS */
+  double *angle, *velocity, *acceleration, *torque;  /* Q; S each */
+  double *reaction, *reaction_rate, *covariant_rate; /* R, R', G; S */
+  double *residual, *multiplier;                     /* K */
+  double kinetic;                                    /* J */
+  vs_seen_hold* hold;                                /* of elements that hold, HOLDS */
+  double* on_shaft;                                  /* N m, of each on each shaft: HOLDS S */
+  double* input;                                     /* of states and variables the value; INPUTS */
 } vs_seen;
 
 /* The constants of a program whose text has none: machine code that scenes share. */

@@ -300,6 +300,7 @@ static void fmu_advance(fmu_motion* m, double end, int stops) {
 static void fmu_look(fmu_motion* m) {
   vs_seen_hold hold[MOST_HOLDS + 1];
   double on_shaft[MOST_HOLDS * MOST_SHAFTS + 1], input[MOST_INPUTS + 1];
+  double covariant_rate[MOST_SHAFTS];
   double* to = m->value;
   vs_seen seen;
   scene_status status;
@@ -313,6 +314,7 @@ static void fmu_look(fmu_motion* m) {
   seen.torque = to + 3 * S;
   seen.reaction = to + 4 * S;
   seen.reaction_rate = to + 5 * S;
+  seen.covariant_rate = covariant_rate;
   seen.residual = to += 6 * S;
   seen.multiplier = to += CONSTRAINTS;
   to += CONSTRAINTS;

@@ -205,6 +205,7 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
   if (!vs_is_finite(it) && status == SCENE_OK) status = SCENE_NOT_FINITE;
   vs_at_once(it, 0);
   vs_reaction(it, to->reaction);
+  if (IS_CLASSICAL && INERTIA_VARIES) vs_note_pull(it, 0);
   to->kinetic = 0.0;
   for (i = 0; i < S; ++i) {
     to->angle[i] = m->now.angle[i];
@@ -212,6 +213,7 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
     to->acceleration[i] = m->now.acceleration[i];
     to->torque[i] = it->row[torque_row[i]][0];
     to->reaction_rate[i] = vs_reaction_rate(it, i);
+    to->covariant_rate[i] = to->reaction_rate[i] - vs_connection(it, i);
     for (j = 0; j < S; ++j) {
       to->kinetic += 0.5 * vs_inertia(it, i, j) * to->velocity[i] * m->now.velocity[j];
     }

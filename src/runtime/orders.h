@@ -11,10 +11,17 @@
 VS_FUNCTION_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
   const vs_row* const r = it->row;
   Real sum = r[torque_row[i]][n];
-  if (INERTIA_VARIES) {
+  int j;
+  if (IS_GENERAL) {
+    sum -= r[inertial_row[i]][n];
+    for (j = 0; j < S; ++j)
+      sum -= vs_convolve(r[pair_row[S * i + j]], r[ACCELERATION + j], n, 1, 0);
+  } else if (INERTIA_VARIES) {
     sum -= r[inertial_row[i]][n] + vs_convolve(r[inertia_row[i]], r[ACCELERATION + i], n, 1, 0);
   }
-  if (!IS_CLASSICAL && INERTIA_VARIES)
+  for (j = 0; j < S && IS_GENERAL && !IS_CLASSICAL; ++j)
+    sum += it->unit * (1.0 / n) * vs_convolve(r[turn_row[S * i + j]], r[PULL + j], n - 1, 0, 0);
+  if (!IS_CLASSICAL && INERTIA_VARIES && !IS_GENERAL)
     sum += it->unit * (1.0 / n) * vs_convolve(r[connection_row[i]], r[PULL + i], n - 1, 0, 0);
   return sum;
 }
@@ -52,18 +59,20 @@ VS_FUNCTION_INLINE Real vs_constraint_rest(const scene_series* it, int p, int n)
   return -sum * (1.0 / n);
 }
 
-/* b = J^-1 R of order n, of the connection 1/2 J' omega b in R' */
+/* b = J^-1 R of order n, of the connection 1/2 J' omega b, or B b, in R' */
 VS_FUNCTION void vs_note_pull(scene_series* it, int n) {
   vs_row* const r = it->row;
   double b[MOST_SHAFTS], y[MOST_SHAFTS];
-  int i, j;
+  int i, j, k;
   for (i = 0; i < S; ++i) {
-    const Real* const J = r[inertia_row[i]];
     b[i] = r[inertial_row[i]][n] - r[torque_row[i]][n];
     for (j = 0; j < S; ++j) {
       b[i] += vs_inertia(it, i, j) * r[ACCELERATION + j][n];
     }
-    for (j = 1; j <= n; ++j) b[i] += J[j] * (r[ACCELERATION + i][n - j] - r[PULL + i][n - j]);
+    for (k = IS_GENERAL ? 0 : i; k < (IS_GENERAL ? S : i + 1); ++k) {
+      const Real* const J = r[IS_GENERAL ? pair_row[S * i + k] : inertia_row[i]];
+      for (j = 1; j <= n; ++j) b[i] += J[j] * (r[ACCELERATION + k][n - j] - r[PULL + k][n - j]);
+    }
   }
   vs_move(it, b, y);
   for (i = 0; i < S; ++i) r[PULL + i][n] = y[i];

@@ -70,9 +70,10 @@ std::vector<std::string> columnNames(const Simulation& simulation, const ColumnG
     }
   }
   for (const QuantityGroup group : groups.quantities) {
-    // Elements have unique names in the scene; names of inputs and outputs include the group.
-    const std::string prefix =
-        group == QuantityGroup::kElements ? "" : std::string(toString(group)) + "/";
+    // Elements and shafts have unique names in the scene; names of inputs and outputs include the
+    // group.
+    const bool is_unique = group == QuantityGroup::kElements || group == QuantityGroup::kPrinciple;
+    const std::string prefix = is_unique ? "" : std::string(toString(group)) + "/";
     for (const std::string& name : simulation.quantityNames(group)) names.push_back(prefix + name);
   }
   if (groups.energy)

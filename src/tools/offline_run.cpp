@@ -134,6 +134,7 @@ void OfflineRun::addSample(SampleBlock& block) {
   takeEvents();                            // of commands here
   if (!simulation_.status().ok()) return;  // a failed jump
   block.samples.push_back(taken);
+  if (look_) look_(taken);
   for (const QuantityGroup group : groups_) {
     const std::size_t begin = block.quantities.size();
     block.quantities.resize(begin + simulation_.quantityNames(group).size());

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -64,6 +65,8 @@ class OfflineRun {
 
   /// The changes of modes and events of the scene so far.
   const std::vector<ModeEvent>& events() const { return events_; }
+  /// Calls `look` at each sample, where the simulation stands.
+  void lookAt(std::function<void(const Sample&)> look) { look_ = std::move(look); }
   /// Adds the quantities of these groups to samples.
   void observe(const std::vector<QuantityGroup>& groups);
 
@@ -104,6 +107,7 @@ class OfflineRun {
   bool has_state_ = false;
   MotionState state_;
   RestWatch rest_;
+  std::function<void(const Sample&)> look_;
   std::vector<QuantityGroup> groups_;
   std::vector<ModeEvent> events_;
   std::size_t next_command_ = 0;

@@ -428,6 +428,10 @@ class Writer {
 }  // namespace
 
 std::vector<EquationSection> writeEquations(const Simulation& simulation) {
+  if (!simulation.scene().inertia_formulas.empty()) {
+    throw SceneError(
+        "inertia", "is a formula, which --explain does not write; allowed: numbers and harmonics");
+  }
   return Writer(simulation).write();
 }
 

@@ -20,6 +20,7 @@
 #include "tools/analysis_run.h"
 #include "tools/explanation.h"
 #include "tools/offline_run.h"
+#include "tools/principle_run.h"
 #include "tools/progress_bar.h"
 #include "tools/python_file.h"
 #include "tools/sample_writer.h"
@@ -42,6 +43,7 @@ enum ExitStatus {
   kBadUsage = 2,
   kBadOutput = 3,
   kNoRest = 4,
+  kNotLeast = 5,
   kSignalBase = 128
 };
 
@@ -373,6 +375,64 @@ int emitFmu(Simulation& simulation, const SimulateOptions& options) {
   return kSuccess;
 }
 
+/// Discards samples that are only looked at.
+class NoWriter final : public SampleWriter {
+ public:
+  void write(const SampleBlock& /*block*/) override {}
+  void close() override {}
+};
+
+std::unique_ptr<SampleWriter> makeWriter(const Simulation& simulation,
+                                         const SimulateOptions& options) {
+  if (options.check_minimum && options.output_path.empty()) return std::make_unique<NoWriter>();
+  return options.format == OutputFormat::kBag
+             ? makeBagWriter(options.output_path, simulation, options.columns)
+             : makeCsvWriter(options.output_path, simulation, options.columns);
+}
+
+/// Runs, and checks the principle at each sample.
+int runChecked(Simulation& simulation, OfflineRun& offline_run, const SimulateOptions& options,
+               const Span& span) {
+  MinimumWatch watch(simulation, !options.curves_path.empty());
+  offline_run.lookAt([&watch](const Sample& sample) { watch.look(sample); });
+  const int status = run(simulation, offline_run, *makeWriter(simulation, options), options, span);
+  bool is_least = true;
+  writeOutput("", watch.describe(&is_least));
+  if (!options.curves_path.empty()) writeOutput(options.curves_path, watch.curves());
+  if (is_least) return status;
+  std::fputs("simulate: the motion is not the one of least Z\n", stderr);
+  return status == kSuccess ? kNotLeast : status;
+}
+
+int runSamples(Simulation& simulation, const SimulateOptions& options) {
+  simulation.trackEnergy(options.columns.energy);
+  simulation.estimateErrors(options.columns.errors);
+  if (!options.from_state_path.empty()) readStateFile(options.from_state_path, simulation);
+  const Span span = spanOf(options, simulation.time());
+  const SampleTimes times = options.has_times
+                                ? SampleTimes::at(options.times)
+                                : SampleTimes::atRate(options.rate, span.begin, span.end);
+  std::vector<ResolvedCommand> commands = readCommands(options, simulation.scene());
+  if (options.compare_principles) {
+    return comparePrinciples(simulation, commands, times, span.end, options) ? kSuccess : kStopped;
+  }
+  OfflineRun offline_run(simulation, times, std::move(commands), span.end);
+  offline_run.observe(options.columns.quantities);
+  if (options.until_rest) offline_run.endAtRest();
+  if (!options.save_state_path.empty()) {
+    offline_run.saveStateAt(options.has_save_time ? options.save_time : span.end);
+  }
+  const auto note = [](std::size_t count, const char* where, double time) {
+    if (count == 0) return;
+    std::fprintf(stderr, "simulate: note: %zu commands lie %s (%.6g s) and are ignored\n", count,
+                 where, time);
+  };
+  note(offline_run.ignoredCount(), "after the end", span.end);
+  note(offline_run.pastCount(), "before the state", span.begin);
+  if (options.check_minimum) return runChecked(simulation, offline_run, options, span);
+  return run(simulation, offline_run, *makeWriter(simulation, options), options, span);
+}
+
 int runSimulate(const std::vector<std::string>& words) {
   const SimulateOptions options = parseSimulateOptions(words);
   if (options.help) {
@@ -402,32 +462,7 @@ int runSimulate(const std::vector<std::string>& words) {
     if (g_signal != 0) return kSignalBase + g_signal;
     return is_done ? kSuccess : kStopped;
   }
-  simulation.trackEnergy(options.columns.energy);
-  simulation.estimateErrors(options.columns.errors);
-  if (!options.from_state_path.empty()) readStateFile(options.from_state_path, simulation);
-  const Span span = spanOf(options, simulation.time());
-  OfflineRun offline_run(simulation,
-                         options.has_times
-                             ? SampleTimes::at(options.times)
-                             : SampleTimes::atRate(options.rate, span.begin, span.end),
-                         readCommands(options, simulation.scene()), span.end);
-  offline_run.observe(options.columns.quantities);
-  if (options.until_rest) offline_run.endAtRest();
-  if (!options.save_state_path.empty()) {
-    offline_run.saveStateAt(options.has_save_time ? options.save_time : span.end);
-  }
-  const auto note = [](std::size_t count, const char* where, double time) {
-    if (count == 0) return;
-    std::fprintf(stderr, "simulate: note: %zu commands lie %s (%.6g s) and are ignored\n", count,
-                 where, time);
-  };
-  note(offline_run.ignoredCount(), "after the end", span.end);
-  note(offline_run.pastCount(), "before the state", span.begin);
-  const std::unique_ptr<SampleWriter> writer =
-      options.format == OutputFormat::kBag
-          ? makeBagWriter(options.output_path, simulation, options.columns)
-          : makeCsvWriter(options.output_path, simulation, options.columns);
-  return run(simulation, offline_run, *writer, options, span);
+  return runSamples(simulation, options);
 }
 
 }  // namespace

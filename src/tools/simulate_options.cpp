@@ -130,6 +130,7 @@ void checkModes(const OptionParser& given) {
   for (const auto& [option, mode] : {Pair{"--latex", "--explain"},
                                      {"--at", "--linearize"},
                                      {"--fmi", "--emit-fmu"},
+                                     {"--curves", "--check-minimum"},
                                      {"--full", "--linearize"},
                                      {"--fix", "--trim"},
                                      {"--free", "--trim"},
@@ -138,8 +139,8 @@ void checkModes(const OptionParser& given) {
     throw UsageError(std::string(option) + " belongs to " + mode);
   }
   std::string first;
-  for (const char* mode :
-       {"--compile", "--emit-c", "--emit-fmu", "--explain", "--linearize", "--trim"}) {
+  for (const char* mode : {"--check-minimum", "--compare-principles", "--compile", "--emit-c",
+                           "--emit-fmu", "--explain", "--linearize", "--trim"}) {
     if (!given.has(mode)) continue;
     if (!first.empty()) throw UsageError(first + " and " + mode + " exclude each other");
     first = mode;
@@ -174,6 +175,10 @@ void refuseOverwriting(const SimulateOptions& options) {
   refuse("--output", output, {"the file of --from-state", options.from_state_path});
   refuse("--save-state", state, output);
   for (const File& other : {output, state}) refuse("--events", events, other);
+  const File curves{"--curves", options.curves_path};
+  for (const File& other : {scene, commands, output, state, events}) {
+    refuse("--curves", curves, other);
+  }
 }
 
 /// Checks combinations of options and fills in derived values.
@@ -205,6 +210,9 @@ void completeOptions(const OptionParser& given, SimulateOptions& options) {
     throw UsageError("--until-rest needs a --duration, after which it gives up");
   }
   options.format = formatOf(options.output_path);
+  if (options.compare_principles && !endsWith(options.output_path, ".csv")) {
+    throw UsageError("--compare-principles needs an --output FILE.csv");
+  }
   refuseOverwriting(options);
 }
 
@@ -231,6 +239,9 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   parser.flag("--energy", adds_energy);
   parser.flag("--error", options.estimate_errors);
   parser.flag("--stats", options.stats);
+  parser.flag("--check-minimum", options.check_minimum);
+  parser.text("--curves", options.curves_path);
+  parser.flag("--compare-principles", options.compare_principles);
   parser.flag("--explain", options.explain);
   parser.flag("--latex", options.latex);
   parser.flag("--compile", options.compile);
@@ -280,6 +291,7 @@ const char* simulateHelp() {
   return R"(Simulates a drivetrain without a ROS master, as fast as it can.
 
 usage: simulate SCENE.yaml --duration S [options]
+       simulate SCENE.yaml --duration S --check-minimum|--compare-principles [options]
        simulate SCENE.yaml --explain [--latex]
        simulate SCENE.yaml --linearize [--at T|rest|STATE] [--full] [--output FILE.csv|.npz|.mat]
        simulate SCENE.yaml --trim [--fix NAME=VALUE].. [--free NAME].. [--output FILE.yaml]
@@ -306,9 +318,10 @@ usage: simulate SCENE.yaml --duration S [options]
                           elements (the torques and powers of each torque element, and what
                           elements tell beside: slip, ratio, modes), inputs (commanded inputs in
                           force), outputs (the scene's own), states (the scene's own),
-                          variables (the scene's own), energy (kinetic energy, energies of the
-                          applied torques and of the reactions since the start, J, and their
-                          powers, W)
+                          variables (the scene's own), principle (the covariant rate G of the
+                          reactions, and 1/2 G^T J^-1 G and 1/2 R^T J^-1 R), energy (kinetic
+                          energy, energies of the applied torques and of the reactions since the
+                          start, J, and their powers, W)
   --energy                adds energy to the columns: --columns state,energy
   --error                 an estimate of the global error behind each angle, velocity and
                           acceleration (columns .../estimated_error), by a second, finer motion;
@@ -316,6 +329,13 @@ usage: simulate SCENE.yaml --duration S [options]
   --events FILE.csv       changes of modes of elements that hold:
                           time,element,from,to,torque,impulse (s, N m, N m s)
   --stats                 print counters and times to standard error
+  --check-minimum         compare the motion with its principle at each sample: the least
+                          Z = 1/2 G^T J^-1 G (gauss: 1/2 R^T J^-1 R) that the constraints allow,
+                          found without the solver; samples are written with --output only
+  --curves FILE.csv       of --check-minimum: Z along the admissible directions at each sample
+  --compare-principles    run the scene under generalized_gauss [15], gauss [17] and [18] into
+                          FILE_generalized_gauss.csv, FILE_gauss.csv and FILE_formal.csv, beside
+                          the --output FILE.csv, for `plot --compare`
   --explain               print the scene's equations of motion instead of running it: its laws
                           simplified, what they have in common, what is not computed and why
   --latex                 of --explain: as a LaTeX document
@@ -342,8 +362,8 @@ usage: simulate SCENE.yaml --duration S [options]
 A sample at the instant of a command shows the state after it. A bag holds the topics `state`
 (variator_sim/DrivetrainState), `joint_states` (sensor_msgs/JointState) and `scene`
 (variator_sim/SceneInfo), with these groups `elements`, `inputs`, `outputs`, `states`,
-`variables` (variator_sim/NamedValues) and `energy` (variator_sim/DrivetrainEnergy), stamped with
-simulated time.
+`variables`, `principle` (variator_sim/NamedValues) and `energy`
+(variator_sim/DrivetrainEnergy), stamped with simulated time.
 
 Exit status: 0 the end was reached, or the reader of standard output went away
              1 the motion stopped: reason, time and last good state are on standard error;
@@ -352,6 +372,8 @@ Exit status: 0 the end was reached, or the reader of standard output went away
              3 the output (of --emit-c, --emit-fmu: a file) could not be written, or of --compile: no machine
                code could be made
              4 of --until-rest: the --duration ended before the motion came to rest
+             5 of --check-minimum: Z is not the least, or the constraints do not hold, by more than
+               1e-9 of the scale of Z
              130 interrupted by Ctrl-C
 In every case the samples up to then are written.
 )";

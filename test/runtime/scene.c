@@ -40,6 +40,7 @@ enum {
   IS_CURVED = 0,
   IS_COUPLED = 0,
   INERTIA_VARIES = 0,
+  IS_GENERAL = 0,
   ENTRIES_TURN = 0,
   HAS_ORDER_1 = 0,
   HAS_RESIDUAL = 1,
@@ -90,7 +91,7 @@ static const int entry_row[] = {18, 17}, direction_row[] = {18, 17}, has_directi
                  load_of[] = {-1}, slope_row[] = {0}, base_row[] = {0},
                  curvature_row[] = {ZERO, ZERO, ZERO, ZERO}, input_slope_row[] = {ZERO};
 static const int inertia_row[] = {17, 19}, inertial_row[] = {ZERO, ZERO},
-                 connection_row[] = {ZERO, ZERO};
+                 connection_row[] = {ZERO, ZERO}, pair_row[] = {ZERO}, turn_row[] = {ZERO};
 static const int sign_row[] = {0}, sign_jumps[] = {0}, passage_row[] = {0}, passage_count[] = {0},
                  passage_jumps[] = {0};
 static const double* const passage_points[] = {0};

@@ -1,0 +1,224 @@
+#include "analysis/principle_check.h"
+
+#include <cmath>
+#include <tuple>
+
+#include "analysis/decompositions.h"
+#include "variator_sim/message_text.h"
+
+namespace variator_sim {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using expression::Node;
+
+namespace {
+
+/// Returns L of J = L L^T, which has to be positive definite.
+MatrixXd factor(const MatrixXd& J) {
+  MatrixXd L = MatrixXd::Zero(J.rows(), J.cols());
+  for (int i = 0; i < J.rows(); ++i) {
+    for (int j = 0; j <= i; ++j) {
+      const double rest = J(i, j) - L.row(i).head(j).dot(L.row(j).head(j));
+      L(i, j) = i == j ? std::sqrt(rest) : rest / L(j, j);
+    }
+  }
+  return L;
+}
+
+/// Returns L^-1 M.
+MatrixXd solveLower(const MatrixXd& L, MatrixXd M) {
+  for (int i = 0; i < L.rows(); ++i) {
+    for (int j = 0; j < i; ++j) M.row(i) -= L(i, j) * M.row(j);
+    M.row(i) /= L(i, i);
+  }
+  return M;
+}
+
+VectorXd solve(const MatrixXd& M, const VectorXd& right) {
+  MatrixXd x;
+  solveSquare(M, right, 1e-15, x);
+  return x;
+}
+
+constexpr double kRank = 1e-12;
+
+}  // namespace
+
+// --- the equations of an instant -----------------------------------------------------------------
+
+VectorXd PrincipleSystem::unknownsOf(const VectorXd& F) const {
+  return solve(J, F - g);
+}
+
+double PrincipleSystem::measure(const VectorXd& x) const {
+  return 0.5 * solveLower(factor(J), J * x + g).squaredNorm();
+}
+
+VectorXd PrincipleSystem::solveByNullSpace() const {
+  const MatrixXd h = findKernel(C, kRank);
+  MatrixXd M(J.rows(), J.cols());
+  VectorXd right(J.rows());
+  M << C, h.transpose() * J;
+  right << -c, -h.transpose() * g;
+  return solve(M, right);
+}
+
+VectorXd PrincipleSystem::solveByStationarity() const {
+  const auto s = J.rows();
+  const auto k = C.rows();
+  MatrixXd M = MatrixXd::Zero(s + k, s + k);
+  M.topLeftCorner(s, s) = J;
+  M.topRightCorner(s, k) = -C.transpose();
+  M.bottomLeftCorner(k, s) = C;
+  VectorXd right(s + k);
+  right << -g, -c;
+  return solve(M, right).head(s);
+}
+
+MatrixXd PrincipleSystem::admissibleDirections() const {
+  const MatrixXd h = findKernel(C, kRank);
+  // The columns of h W^-T are orthonormal in the metric J for h^T J h = W W^T.
+  const MatrixXd W = factor(h.transpose() * J * h);
+  return solveLower(W, h.transpose()).transpose();
+}
+
+// --- formulas ------------------------------------------------------------------------------------
+
+PrincipleCheck::Formulas::Formulas(const Scene& scene, const std::vector<int>& mode,
+                                   bool is_classical)
+    : equations(scene, mode, false) {
+  const VariableLayout& layout = equations.layout();
+  rows = layout.S;
+  constraints = static_cast<int>(equations.constraints().size());
+  std::vector<Node> z_rates;
+  for (const SceneState& state : scene.states) z_rates.push_back(equations.inModes(state.rate));
+  std::vector<Node> J;
+  std::vector<Node> F;
+  for (int i = 0; i < rows; ++i) {
+    for (int j = 0; j < rows; ++j) J.push_back(equations.inertia(i, j));
+  }
+  for (int i = 0; i < rows; ++i) {
+    J.push_back(equations.reaction(i));
+    F.push_back(is_classical ? equations.reaction(i)
+                             : equations.graph().subtract(equations.reactionRate(i),
+                                                          equations.connection(i)));
+  }
+  for (const ConstraintFormulas& it : equations.constraints()) {
+    F.push_back(is_classical ? it.acceleration : it.jerk);
+  }
+  for (const ConstraintFormulas& it : equations.constraints()) {
+    F.insert(F.end(), it.C.begin(), it.C.end());
+  }
+  rates = expression::Tape(equations.graph(), z_rates);
+  inertia = expression::Tape(equations.graph(), J);
+  balances = expression::Tape(equations.graph(), F);
+}
+
+PrincipleCheck::PrincipleCheck(const Scene& scene)
+    : scene_(scene), is_classical_(scene.principle == Principle::kGauss) {
+  const auto refuse = [](const Constraint& it, const char* why) {
+    throw SceneError(it.name(), why);
+  };
+  for (const ConstraintPtr& it : scene.constraints) {
+    if (!it->direction().empty() || !it->holdings().empty()) {
+      refuse(*it,
+             "its reaction is not along its gradient, and with it nothing is least; allowed: "
+             "'reaction: gradient', no losses");
+    }
+    if (is_classical_ && it->order() == 3) {
+      refuse(*it,
+             "a constraint of order 3 under 'principle: gauss' leads to [18], which is the "
+             "minimum of nothing; allowed: orders 1 and 2, or generalized_gauss");
+    }
+    if (is_classical_ && !it->kinks().empty()) {
+      refuse(*it,
+             "abs, min or max of accelerations bends it, and at a corner no derivative tells "
+             "what is admissible; allowed: a formula that is smooth in the accelerations");
+    }
+  }
+}
+
+std::vector<std::string> PrincipleCheck::limits() const {
+  std::vector<std::string> sentences;
+  for (const ConstraintPtr& it : scene_.constraints) {
+    if (is_classical_ && it->nonlinearAccelerations() != 0) {
+      sentences.push_back("the constraint " + inQuotes(it->name()) +
+                          " is not linear in the accelerations: the least Z is that over its "
+                          "tangent, so the motion is known to be stationary only");
+    }
+  }
+  return sentences;
+}
+
+PrincipleCheck::Formulas& PrincipleCheck::formulasOf(const std::vector<int>& mode) {
+  const auto found = formulas_.find(mode);
+  if (found != formulas_.end()) return found->second;
+  return formulas_
+      .emplace(std::piecewise_construct, std::forward_as_tuple(mode),
+               std::forward_as_tuple(scene_, mode, is_classical_))
+      .first->second;
+}
+
+PrincipleSystem PrincipleCheck::calc(const OperatingPoint& point) {
+  Formulas& formulas = formulasOf(point.mode);
+  const VariableLayout& layout = formulas.equations.layout();
+  const int S = formulas.rows;
+  const int k = formulas.constraints;
+  VectorXd v = VectorXd::Zero(layout.size());
+  const auto write = [&](const std::vector<double>& values, int first) {
+    for (std::size_t i = 0; i < values.size(); ++i) v(first + static_cast<int>(i)) = values[i];
+  };
+  v(layout.time()) = point.time;
+  write(point.angle, layout.angle(0));
+  write(point.velocity, layout.velocity(0));
+  write(point.acceleration, layout.acceleration(0));
+  write(point.input, layout.input(0));
+  write(point.input_rate, layout.inputRate(0));
+  write(point.input_second_rate, layout.inputSecondRate(0));
+  const double* value = formulas.rates.evaluate(layout.view(v));
+  for (const SceneState& state : scene_.states) v(layout.inputRate(state.input)) = *value++;
+
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  PrincipleSystem made;
+  value = formulas.inertia.evaluate(layout.view(v));
+  made.J = Eigen::Map<const Rows>(value, S, S);
+  const VectorXd R = Eigen::Map<const VectorXd>(value + S * S, S);
+  v.segment(layout.auxiliary(0), S) = solve(made.J, R);
+  // All jerks in v are 0: F and C eta + c are g and c. The accelerations are those of the motion.
+  value = formulas.balances.evaluate(layout.view(v));
+  made.g = Eigen::Map<const VectorXd>(value, S);
+  made.c = Eigen::Map<const VectorXd>(value + S, k);
+  made.C = Eigen::Map<const Rows>(value + S + k, k, S);
+  if (is_classical_) {
+    const VectorXd own = v.segment(layout.acceleration(0), S);
+    made.g -= made.J * own;
+    made.c -= made.C * own;
+  }
+  return made;
+}
+
+VectorXd PrincipleCheck::ownOf(const Sample& sample) const {
+  const double* const values =
+      is_classical_ ? sample.reaction_torque : sample.reaction_torque_covariant_rate;
+  return Eigen::Map<const VectorXd>(values, scene_.shaftCount());
+}
+
+LeastChange PrincipleCheck::compare(const PrincipleSystem& system, const VectorXd& own) {
+  const MatrixXd L = factor(system.J);
+  const VectorXd y = solveLower(L, own);
+  const VectorXd y0 = solveLower(L, system.g);
+  const MatrixXd B = solveLower(L, system.C.transpose()).transpose();
+  LeastChange made;
+  made.measure = 0.5 * y.squaredNorm();
+  made.scale = 0.5 * y0.squaredNorm();
+  if (B.rows() > 0) {
+    const VectorXd d = B * y0 - system.c;
+    made.least = 0.5 * solveLeastSquares(B, d, kRank).squaredNorm();
+    made.off = solveLeastSquares(B, B * y - d, kRank).norm();
+  }
+  made.scale += made.least;
+  return made;
+}
+
+}  // namespace variator_sim
