@@ -29,11 +29,14 @@ class Output {
   double calcValue(const StateView& state) const { return *formula_.evaluate(state); }
   /// Returns the formula of the value in its unit, of the scene's graph.
   expression::Node node() const { return node_; }
+  /// Returns the formula of the value in SI units, which other outputs read.
+  expression::Node value() const { return value_; }
 
  private:
   std::string name_;
   std::string unit_;
   expression::Node node_;
+  expression::Node value_;
   expression::Tape formula_;
 };
 

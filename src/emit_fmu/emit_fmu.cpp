@@ -136,6 +136,7 @@ class FmuWriter {
       text += (text.empty() ? "" : ", ") + asJson(name) + ": [" +
               literalOf(read->unit.numerator / read->unit.denominator);
       for (const int exponent : read->unit.dimension) text += ", " + std::to_string(exponent);
+      if (read->unit.zero != 0.0) text += ", " + literalOf(read->unit.zero);
       text += "]";
     }
     return text;

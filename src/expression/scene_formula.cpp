@@ -145,6 +145,20 @@ std::string describeTakenName(const std::string& name, const std::vector<std::st
 
 namespace {
 
+/// Returns a hint at a name that only observers read, where that is the nearest one, or "".
+std::string nearObserved(const ComponentContext& context, const SymbolTable& symbols,
+                         const std::string& unknown) {
+  std::vector<std::string> names;
+  for (const auto& it : symbols) names.push_back(it.first);
+  for (const auto& it : context.symbols().observed) names.push_back(it.first);
+  const std::string nearest = suggestName(unknown, names);
+  for (const auto& it : context.symbols().observed) {
+    if (nearest.find(inQuotes(it.first)) != nearest.npos)
+      return "did you mean " + inQuotes(it.first) + "?";
+  }
+  return "";
+}
+
 /// `reader` holds the formula and, in some components, its parameters.
 Node readWithParameters(ComponentContext& context, ParameterReader& reader, const std::string& key,
                         const std::map<std::string, double>& parameters, FormulaKind kind,
@@ -152,6 +166,11 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
   const std::string text = reader.formula(key, kind == FormulaKind::kTorque ? "N m" : "");
 
   Variables variables = nameVariables(context, kind, graph);
+  for (const auto& [name, make] : context.symbols().observed) {
+    const bool may_occur = kind == FormulaKind::kOutput && text.find(name) != std::string::npos;
+    if (may_occur && parameters.count(name) == 0 && variables.symbols.count(name) == 0)
+      variables.symbols[name] = make();
+  }
   for (const auto& [parameter, value] : parameters) {
     checkParameterName(parameter, reader.keyPath("parameters") + "/" + parameter, context);
     variables.symbols[parameter] = graph.constant(value);
@@ -160,12 +179,19 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
   Node formula;
   try {
     const NameExplainer explain = [&](const std::string& unknown) {
-      if (context.symbols().of_elements->count(unknown) != 0 && kind != FormulaKind::kOutput) {
+      if (context.symbols().of_elements->count(unknown) != 0) {
+        if (kind == FormulaKind::kOutput) {
+          return std::string(
+              "outputs are read by other outputs only, by those behind them in the list");
+        }
         return std::string(
-            "rate, when, set and outputs may read the torques and powers of elements, but laws may "
-            "not, from which these follow");
+            "rate, when, set and outputs may read what elements and reactions do, but laws may "
+            "not, "
+            "from which it follows");
       }
-      return explainName(unknown, context.shaftNames(), kind);
+      const std::string near =
+          kind == FormulaKind::kOutput ? nearObserved(context, variables.symbols, unknown) : "";
+      return near.empty() ? explainName(unknown, context.shaftNames(), kind) : near;
     };
     formula = parse(text, variables.symbols, graph, explain, variables.jerks,
                     context.symbols().tables, &used);

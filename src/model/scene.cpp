@@ -16,6 +16,7 @@
 #include "model/scene_memory.h"
 #include "model/scene_names.h"
 #include "model/scene_symbols.h"
+#include "variator_sim/expression/parser.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
@@ -439,8 +440,11 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
                                scene.graph);
       scene.outputs.emplace_back(context);
       reader.finish();
+      if (expression::describeTakenName(name, scene.shafts).empty())
+        scene.symbols.values.emplace(name, scene.outputs.back().value());
     });
   }
+  scene.symbols.observed.clear();
   faults.collect([&] { checkTopics(scene, node.topics); });
   faults.collect([&] { checkEdges(scene); });
   faults.tell();
