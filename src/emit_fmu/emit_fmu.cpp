@@ -287,7 +287,8 @@ class FmuWriter {
 
 std::string describeFmu(Simulation& simulation, int version, const std::string& name,
                         const std::string& title) {
-  return FmuWriter(simulation, version).write(name, title);
+  return orRefuse("cannot be written as C",
+                  [&] { return FmuWriter(simulation, version).write(name, title); });
 }
 
 }  // namespace variator_sim

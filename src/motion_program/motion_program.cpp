@@ -88,7 +88,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   try {
     return {*scene.graph, trial, others, listSlots(scene), SCENE_ORDER};
   } catch (const std::invalid_argument& error) {
-    throw SceneError("", std::string("cannot be written as C: its formulas have ") + error.what());
+    throw SceneError("", std::string("its formulas have ") + error.what());
   }
 }
 
