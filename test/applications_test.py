@@ -229,7 +229,7 @@ class ApplicationsTest(TestCase):
         self.check_between(run["states/temperature"], 40.0, 110.0)
         self.assertLess(min(run["outputs/limit"]), 80.0)  # %
         off = [abs(a - b) for a, b in zip(run["outputs/speed"], run["outputs/wanted"])]
-        self.assertLess(max(off[:550]), 4.0)  # km/h, before the winding is too hot for the hill
+        self.assertLess(max(off[:550]), 4.5)  # km/h, before the winding is too hot for the hill
         self.assertLess(run["states/charge"][-1], -0.4)  # kW h
 
     def test_wagons_stick_until_the_drawgear_pulls(self):

@@ -145,20 +145,6 @@ std::string describeTakenName(const std::string& name, const std::vector<std::st
 
 namespace {
 
-/// Returns a hint at a name that only observers read, where that is the nearest one, or "".
-std::string nearObserved(const ComponentContext& context, const SymbolTable& symbols,
-                         const std::string& unknown) {
-  std::vector<std::string> names;
-  for (const auto& it : symbols) names.push_back(it.first);
-  for (const auto& it : context.symbols().observed) names.push_back(it.first);
-  const std::string nearest = suggestName(unknown, names);
-  for (const auto& it : context.symbols().observed) {
-    if (nearest.find(inQuotes(it.first)) != nearest.npos)
-      return "did you mean " + inQuotes(it.first) + "?";
-  }
-  return "";
-}
-
 /// `reader` holds the formula and, in some components, its parameters.
 Node readWithParameters(ComponentContext& context, ParameterReader& reader, const std::string& key,
                         const std::map<std::string, double>& parameters, FormulaKind kind,
@@ -167,9 +153,10 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
 
   Variables variables = nameVariables(context, kind, graph);
   for (const auto& [name, make] : context.symbols().observed) {
-    const bool may_occur = kind == FormulaKind::kOutput && text.find(name) != std::string::npos;
-    if (may_occur && parameters.count(name) == 0 && variables.symbols.count(name) == 0)
-      variables.symbols[name] = make();
+    // (One that does not occur is there for messages.)
+    const bool is_free = variables.symbols.count(name) + parameters.count(name) == 0;
+    if (kind == FormulaKind::kOutput && is_free)
+      variables.symbols[name] = text.find(name) != std::string::npos ? make() : Node{};
   }
   for (const auto& [parameter, value] : parameters) {
     checkParameterName(parameter, reader.keyPath("parameters") + "/" + parameter, context);
@@ -189,9 +176,7 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
             "not, "
             "from which it follows");
       }
-      const std::string near =
-          kind == FormulaKind::kOutput ? nearObserved(context, variables.symbols, unknown) : "";
-      return near.empty() ? explainName(unknown, context.shaftNames(), kind) : near;
+      return explainName(unknown, context.shaftNames(), kind);
     };
     formula = parse(text, variables.symbols, graph, explain, variables.jerks,
                     context.symbols().tables, &used);
