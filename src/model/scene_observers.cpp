@@ -25,12 +25,14 @@ std::size_t at(int i) {
   return static_cast<std::size_t>(i);
 }
 
+using Vector = std::vector<Expression>;
+
 /// A row of C j = -c0, of a constraint or of an element that holds.
 struct Row {
-  std::vector<Node> C;
-  std::vector<Node> D;
-  Node c0;
-  Node counts;  ///< 1 while the row is on, else 0
+  Vector C;
+  Vector D;
+  Expression c0;
+  Expression counts;  ///< 1 while the row is on, else 0
 };
 
 /// Reactions, their rates, multipliers and jerks as formulas of t, phi, omega, epsilon. With
@@ -53,195 +55,169 @@ class Reactions {
 
   Node reaction(int i) {
     collect("R_" + scene_.shafts[at(i)]);
-    return reaction_[at(i)];
+    return reaction_[at(i)].in(graph_);
   }
   Node reactionRate(int i) {
-    const std::vector<Node>& x = jerks("Rr_" + scene_.shafts[at(i)]);
-    Node sum = rest(i);
-    for (int j = 0; j < shafts_; ++j)
-      sum = plus(sum, times(inertia_[at(shafts_ * i + j)], x[at(j)]));
+    const Vector& x = jerks("Rr_" + scene_.shafts[at(i)]);
+    Expression sum = rate(reaction_[at(i)]);
+    for (int j = 0; j < shafts_; ++j) sum += inertia_[at(shafts_ * i + j)] * x[at(j)];
     return withRates(sum);
   }
   Node jerk(int i) { return withRates(jerks("j_" + scene_.shafts[at(i)])[at(i)]); }
   Node multiplier(int m) {
     const std::string name = scene_.constraints[at(m)]->name() + "_multiplier";
-    const bool is_classical = scene_.principle == Principle::kGauss;
-    return withRates((is_classical ? multipliers(name) : jerks(name))[at(shafts_ + m)]);
+    return withRates((isClassical() ? multipliers(name) : jerks(name))[at(shafts_ + m)]);
   }
 
  private:
-  Node plus(Node a, Node b) {
-    return graph_.isConstant(a, 0.0) ? b : graph_.isConstant(b, 0.0) ? a : graph_.add(a, b);
+  bool isClassical() const { return scene_.principle == Principle::kGauss; }
+  Expression of(Node node) { return {graph_, node}; }
+  Expression variable(Source source, int i) { return of(graph_.variable(slotOf(source, i))); }
+  Expression by(const Expression& of, Source source, int i) {
+    return {graph_, graph_.differentiate(of.in(graph_), slotOf(source, i))};
   }
-  Node minus(Node a, Node b) { return graph_.isConstant(b, 0.0) ? a : graph_.subtract(a, b); }
-  Node times(Node a, Node b) {
-    return graph_.isConstant(a, 0.0) || graph_.isConstant(b, 0.0) ? zero() : graph_.multiply(a, b);
-  }
-  Node zero() { return graph_.constant(0.0); }
-  Node variable(Source source, int i) { return graph_.variable(slotOf(source, i)); }
-
-  [[noreturn]] static void refuse(const std::string& name, const std::string& reason) {
-    throw SceneError(name, reason);
+  /// Returns the derivative by time without accelerations' rates.
+  Expression rate(const Expression& it) {
+    return of(graph_.totalDerivative(it.in(graph_), rates_));
   }
 
   /// Makes J, n - Q, R and the rows. Throws SceneError for what `name` cannot be told of.
   void collect(const std::string& name) {
     for (const ConstraintPtr& it : scene_.constraints) {
       if (it->holdings().empty()) continue;
-      refuse(name,
-             "is not known beside the losses of " + inQuotes(it->name()) +
-                 "; the columns reaction_torque, reaction_torque_rate and multiplier tell it");
+      throw SceneError(name, "is not known beside the losses of " + inQuotes(it->name()) +
+                                 "; the columns reaction_torque, reaction_torque_rate and "
+                                 "multiplier tell it");
     }
     if (!reaction_.empty()) return;
     const std::vector<Node> torque = sumTorques(scene_, &Torque::torques);
     for (int i = 0; i < shafts_; ++i) {
       for (int j = 0; j < shafts_; ++j) {
         const Node mean = graph_.constant(scene_.inertia(i, j));
-        inertia_.push_back(i == j ? addHarmonics(graph_, scene_, i, mean) : mean);
+        inertia_.push_back(of(i == j ? addHarmonics(graph_, scene_, i, mean) : mean));
       }
-      const Node inertia = inertia_[at(shafts_ * i + i)];
-      connection_.push_back(graph_.isConstant(inertia) ? zero() : connectionOf(graph_, inertia, i));
-      Node sum = minus(times(connection_.back(), variable(Source::kVelocity, i)), torque[at(i)]);
-      given_.push_back(sum);
-      for (int j = 0; j < shafts_; ++j) {
-        sum = plus(sum, times(inertia_[at(shafts_ * i + j)], variable(Source::kAcceleration, j)));
-      }
-      reaction_.push_back(sum);
+      connection_.push_back(of(connectionOf(graph_, inertia_[at(shafts_ * i + i)].in(graph_), i)));
+      given_.push_back(connection_.back() * variable(Source::kVelocity, i) - of(torque[at(i)]));
+      reaction_.push_back(given_.back());
+      for (int j = 0; j < shafts_; ++j)
+        reaction_.back() += inertia_[at(shafts_ * i + j)] * variable(Source::kAcceleration, j);
     }
+    const auto all = [this](auto begin, auto end) {
+      Vector made;
+      for (; begin != end; ++begin) made.push_back(of(*begin));
+      return made;
+    };
     for (const ConstraintPtr& it : scene_.constraints) {
-      const std::vector<Node> C(it->row().begin(), it->row().end() - 1);
-      rows_.push_back({C, it->direction().empty() ? C : it->direction(), it->row().back(),
-                       graph_.constant(1.0)});
+      const Vector C = all(it->row().begin(), it->row().end() - 1);
+      const Vector D = all(it->direction().begin(), it->direction().end());
+      rows_.push_back({C, D.empty() ? C : D, of(it->row().back()), 1.0});
     }
     int held = 0;
     for (const TorquePtr& element : scene_.torques) {
       for (const Holding& it : element->holdings()) {
-        Row row;
-        const Node slip = it.slip.in(graph_);
-        for (int i = 0; i < shafts_; ++i) {
-          row.C.push_back(graph_.differentiate(slip, slotOf(Source::kVelocity, i)));
-        }
-        row.D = row.C;
-        row.c0 = rate(rate(slip));
-        row.counts = variable(Source::kHeld, heldSlot(HeldValue::kCounts, held++));
-        rows_.push_back(std::move(row));
+        Vector C;
+        for (int i = 0; i < shafts_; ++i) C.push_back(by(it.slip, Source::kVelocity, i));
+        rows_.push_back({C, C, rate(rate(it.slip)),
+                         variable(Source::kHeld, heldSlot(HeldValue::kCounts, held++))});
       }
     }
   }
 
-  Node rate(Node node) { return graph_.totalDerivative(node, rates_); }
-  /// R' without jerks.
-  Node rest(int i) { return rate(reaction_[at(i)]); }
-
   /// Puts the rates of variables and, where they are known, of states in the place of input rates.
-  Node withRates(Node node) {
+  Node withRates(const Expression& it) {
     std::vector<Graph::Rate> values;
-    for (const SceneState& it : scene_.states) {
-      if (knows_rates_) values.emplace_back(slotOf(Source::kInputRate, it.input), it.rate);
+    for (const SceneState& state : scene_.states) {
+      if (knows_rates_) values.emplace_back(slotOf(Source::kInputRate, state.input), state.rate);
     }
     for (int i = 0; i < scene_.inputCount(); ++i) {
       if (scene_.inputs[at(i)].kind == InputKind::kVariable)
-        values.emplace_back(slotOf(Source::kInputRate, i), zero());
+        values.emplace_back(slotOf(Source::kInputRate, i), graph_.constant(0.0));
     }
-    return values.empty() ? node : graph_.substitute(node, values);
+    return graph_.substitute(it.in(graph_), values);
   }
 
-  /// Solves [J -D'; C 0] [x; mu] = b, by elimination without pivots: those of J are positive, and
-  /// those of the rest are of C J^-1 D'. Rows that are off are mu = 0.
-  std::vector<Node> solve(std::vector<Node> M, std::vector<Node> b) {
+  /// Solves M x = b by elimination without pivots: those of J are positive, and those behind them
+  /// are of C J^-1 D'.
+  static Vector solve(Vector M, Vector b) {
     const int n = static_cast<int>(b.size());
-    const auto entry = [&M, n](int i, int j) -> Node& { return M[at(n * i + j)]; };
     for (int p = 0; p < n; ++p) {
       for (int i = p + 1; i < n; ++i) {
-        if (graph_.isConstant(entry(i, p), 0.0)) continue;
-        const Node factor = graph_.divide(entry(i, p), entry(p, p));
-        for (int j = p + 1; j < n; ++j)
-          entry(i, j) = minus(entry(i, j), times(factor, entry(p, j)));
-        b[at(i)] = minus(b[at(i)], times(factor, b[at(p)]));
+        const Expression factor = M[at(n * i + p)] / M[at(n * p + p)];
+        for (int j = p + 1; j < n; ++j) M[at(n * i + j)] -= factor * M[at(n * p + j)];
+        b[at(i)] -= factor * b[at(p)];
       }
     }
     for (int i = n - 1; i >= 0; --i) {
-      for (int j = i + 1; j < n; ++j) b[at(i)] = minus(b[at(i)], times(entry(i, j), b[at(j)]));
-      b[at(i)] = graph_.divide(b[at(i)], entry(i, i));
+      for (int j = i + 1; j < n; ++j) b[at(i)] -= M[at(n * i + j)] * b[at(j)];
+      b[at(i)] = b[at(i)] / M[at(n * i + i)];
     }
     return b;
   }
-  std::vector<Node> solveRows(std::vector<Node> force, const std::vector<Node>& inertia,
-                              const std::vector<Node>& right) {
+  /// Solves [J -D'; C 0] [x; mu] = [force; right]; of rows that are off mu = 0.
+  Vector solveRows(const Vector& inertia, Vector force, const Vector& right) {
     const int n = shafts_ + static_cast<int>(rows_.size());
-    std::vector<Node> M(at(n * n), zero());
+    Vector M(at(n * n));
     for (int i = 0; i < shafts_; ++i) {
       std::copy_n(inertia.begin() + shafts_ * i, shafts_, M.begin() + n * i);
     }
     for (int m = shafts_; m < n; ++m) {
       const Row& row = rows_[at(m - shafts_)];
       for (int i = 0; i < shafts_; ++i) {
-        M[at(n * i + m)] = graph_.negate(row.D[at(i)]);
-        M[at(n * m + i)] = times(row.counts, row.C[at(i)]);
+        M[at(n * i + m)] = -row.D[at(i)];
+        M[at(n * m + i)] = row.counts * row.C[at(i)];
       }
-      M[at(n * m + m)] = graph_.subtract(graph_.constant(1.0), row.counts);
-      force.push_back(times(row.counts, right[at(m - shafts_)]));
+      M[at(n * m + m)] = 1.0 - row.counts;
+      force.push_back(row.counts * right[at(m - shafts_)]);
     }
     return solve(std::move(M), std::move(force));
   }
 
   /// Returns x, lambda of gauss.
-  const std::vector<Node>& multipliers(const std::string& name) {
+  const Vector& multipliers(const std::string& name) {
     collect(name);
     if (!multipliers_.empty()) return multipliers_;
     if (scene_.hasOrder3()) {
-      refuse(name,
-             "is not known under 'principle: gauss' beside a constraint of order 3; the "
-             "column multiplier tells it");
+      throw SceneError(name,
+                       "is not known under 'principle: gauss' beside a constraint of order 3; "
+                       "the column multiplier tells it");
     }
-    std::vector<Node> force;
-    std::vector<Node> right;
-    for (int i = 0; i < shafts_; ++i) force.push_back(graph_.negate(given_[at(i)]));
-    for (const Row& row : rows_) {
-      right.push_back(zero());
-      for (int i = 0; i < shafts_; ++i) {
-        right.back() = plus(right.back(), times(row.C[at(i)], variable(Source::kAcceleration, i)));
-      }
+    Vector force;
+    Vector right(rows_.size());
+    for (int i = 0; i < shafts_; ++i) {
+      force.push_back(-given_[at(i)]);
+      for (std::size_t m = 0; m < rows_.size(); ++m)
+        right[m] += rows_[m].C[at(i)] * variable(Source::kAcceleration, i);
     }
-    return multipliers_ = solveRows(std::move(force), inertia_, right);
+    return multipliers_ = solveRows(inertia_, std::move(force), right);
   }
 
   /// Returns j, Lambda of generalized_gauss or lambda' of gauss.
-  const std::vector<Node>& jerks(const std::string& name) {
+  const Vector& jerks(const std::string& name) {
     collect(name);
     if (!jerks_.empty()) return jerks_;
-    const bool is_classical = scene_.principle == Principle::kGauss;
-    if (!is_classical && !scene_.nameOfDirection().empty()) {
-      refuse(name,
-             "is not known beside " + inQuotes(scene_.nameOfDirection()) +
-                 ", whose reaction is not along its gradient, under 'principle: "
-                 "generalized_gauss'; the columns reaction_torque_rate and multiplier tell it");
+    if (!isClassical() && !scene_.nameOfDirection().empty()) {
+      throw SceneError(name, "is not known beside " + inQuotes(scene_.nameOfDirection()) +
+                                 ", whose reaction is not along its gradient, under 'principle: "
+                                 "generalized_gauss'; the columns reaction_torque_rate and "
+                                 "multiplier tell it");
     }
-    std::vector<Node> force;
-    std::vector<Node> right;
-    std::vector<Node> matrix = inertia_;
-    for (int i = 0; i < shafts_; ++i) force.push_back(graph_.negate(rest(i)));
-    for (const Row& row : rows_) right.push_back(graph_.negate(row.c0));
-    if (is_classical) {
-      const std::vector<Node> lambda = multipliers(name);
-      for (int i = 0; i < shafts_; ++i) {
-        for (std::size_t m = 0; m < rows_.size(); ++m) {
-          const Node D = rows_[m].D[at(i)];
-          const Node of = lambda[at(shafts_) + m];
-          force[at(i)] = plus(force[at(i)], times(rate(D), of));
-          for (int j = 0; j < shafts_; ++j) {
-            Node& entry = matrix[at(shafts_ * i + j)];
-            entry =
-                minus(entry, times(of, graph_.differentiate(D, slotOf(Source::kAcceleration, j))));
-          }
-        }
+    Vector force;
+    Vector right;
+    Vector matrix = inertia_;
+    for (const Row& row : rows_) right.push_back(-row.c0);
+    const Vector known = isClassical() ? multipliers(name) : solve(inertia_, reaction_);
+    for (int i = 0; i < shafts_; ++i) {
+      force.push_back(-rate(reaction_[at(i)]));
+      if (!isClassical()) force.back() += connection_[at(i)] * known[at(i)];  // J^-1 R
+      for (std::size_t m = 0; m < rows_.size() && isClassical(); ++m) {
+        const Expression& D = rows_[m].D[at(i)];
+        const Expression& lambda = known[at(shafts_) + m];
+        force.back() += rate(D) * lambda;
+        for (int j = 0; j < shafts_; ++j)
+          matrix[at(shafts_ * i + j)] -= lambda * by(D, Source::kAcceleration, j);
       }
-    } else {
-      const std::vector<Node> pull = solve(inertia_, reaction_);  // J^-1 R
-      for (int i = 0; i < shafts_; ++i)
-        force[at(i)] = plus(force[at(i)], times(connection_[at(i)], pull[at(i)]));
     }
-    return jerks_ = solveRows(std::move(force), matrix, right);
+    return jerks_ = solveRows(matrix, std::move(force), right);
   }
 
   const Scene& scene_;
@@ -249,13 +225,13 @@ class Reactions {
   const bool knows_rates_;
   const int shafts_;
   std::vector<Graph::Rate> rates_;  ///< of all variables but accelerations
-  std::vector<Node> inertia_;       ///< J_ij
-  std::vector<Node> connection_;    ///< 1/2 J_i' omega_i
-  std::vector<Node> given_;         ///< n - Q
-  std::vector<Node> reaction_;      ///< R
+  Vector inertia_;                  ///< J_ij
+  Vector connection_;               ///< 1/2 J_i' omega_i
+  Vector given_;                    ///< n - Q
+  Vector reaction_;                 ///< R
   std::vector<Row> rows_;
-  std::vector<Node> multipliers_;
-  std::vector<Node> jerks_;
+  Vector multipliers_;
+  Vector jerks_;
 };
 
 /// The torque of an element on a shaft, with that which its stuck parts hold with:
