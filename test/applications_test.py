@@ -206,6 +206,32 @@ class ApplicationsTest(TestCase):
         self.assertEqual([change[0] for change in changes].count("up"), 6)
         self.assertEqual(run["brake/mode"][-1], 0.0)  # it holds the car
 
+    def test_a_torque_converter_from_a_file_locks_in_high_gears(self):
+        run, changes = self.hold("car_converter")
+        off = [abs(a - b) for a, b in zip(run["outputs/speed"], run["outputs/wanted"])]
+        self.assertLess(max(off), 7.0)  # km/h
+        self.assertEqual(max(run["variables/gear"]), 4.0)
+        self.assertGreaterEqual(changes.count(("lock_up", "backward", "stuck")), 1)
+        # Behind the fluid the pump and the runner have the torques of the file's straight lines.
+        points = [[0, 0.0028, 2.1], [0.4, 0.0027, 1.6], [0.7, 0.0023, 1.2], [0.86, 0.0017, 1], [1.02, 0, 1]]
+        for k, engine in enumerate(run["engine/velocity"]):
+            ratio = run["turbine/velocity"][k] / engine
+            if not 0.0 <= ratio < 1.02:
+                continue
+            low, high = next((a, b) for a, b in zip(points, points[1:]) if ratio <= b[0])
+            capacity, gain = (y + (ratio - low[0]) / (high[0] - low[0]) * (z - y) for y, z in zip(low[1:], high[1:]))
+            self.assertAlmostEqual(run["pump/engine/torque"][k], -capacity * engine ** 2, delta=1e-9)
+            self.assertAlmostEqual(run["runner/turbine/torque"][k], gain * capacity * engine ** 2, delta=1e-9)
+
+    def test_an_electric_motor_is_limited_by_its_temperature(self):
+        run, changes = self.hold("car_electric")
+        self.assertIn(("warn", "below", "above"), changes)
+        self.check_between(run["states/temperature"], 40.0, 110.0)
+        self.assertLess(min(run["outputs/limit"]), 80.0)  # %
+        off = [abs(a - b) for a, b in zip(run["outputs/speed"], run["outputs/wanted"])]
+        self.assertLess(max(off[:550]), 4.5)  # km/h, before the winding is too hot for the hill
+        self.assertLess(run["states/charge"][-1], -0.4)  # kW h
+
     def test_wagons_stick_until_the_drawgear_pulls(self):
         run, changes = self.hold("locomotive_sticking", "--commands", SCENES / "diesel_locomotive.csv")
         self.assertEqual(changes, [("journals", "stuck", "forward")])

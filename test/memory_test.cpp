@@ -2,6 +2,7 @@
 #include "support/faults.h"
 #include "support/scenes.h"
 #include "variator_sim/errors.h"
+#include "variator_sim/trim.h"
 
 namespace variator_sim {
 namespace {
@@ -246,6 +247,241 @@ speed: {type: pid, error: "10 - w1", kp: 2, ki: 3, limits: [-8, 8]}
     EXPECT_NEAR(simulation.sample().velocity[0], x[0], 1e-8);
     EXPECT_NEAR(stateOf(simulation, "speed_integral"), x[1], 1e-8);
   }
+}
+
+// --- what observers read -------------------------------------------------------------------------
+
+double outputOf(Simulation& simulation, const std::string& name) {
+  return valuesOf(simulation, QuantityGroup::kOutputs).at(name);
+}
+
+const char* const kObserved = R"yaml(
+outputs: [R1, R2, Rr1, Rr2, j1st, L, twice]
+R1: {expression: R_a}
+R2: {expression: R_b}
+Rr1: {expression: Rr_a}
+Rr2: {expression: Rr_b}
+j1st: {expression: j_a}
+L: {expression: belt_multiplier}
+twice: {expression: "2*j1st - 2*j_a + R1 + L"}
+)yaml";
+
+/// Compares outputs with the sample, and j with the difference of accelerations.
+void expectWhatSamplesTell(const std::string& scene) {
+  Simulation simulation = simulate(scene + kObserved);
+  for (const double time : {0.3, 0.9, 1.7}) {
+    simulation.advanceTo(time - 1e-4);
+    const double before = simulation.sample().acceleration[0];
+    ASSERT_TRUE(simulation.advanceTo(time).ok()) << simulation.describeStatus();
+    const Sample now = simulation.sample();
+    const std::map<std::string, double> told = valuesOf(simulation, QuantityGroup::kOutputs);
+    const auto expectNear = [](double value, double expected) {
+      EXPECT_NEAR(value, expected, 1e-8 * (1.0 + std::abs(expected)));
+    };
+    expectNear(told.at("R1"), now.reaction_torque[0]);
+    expectNear(told.at("R2"), now.reaction_torque[1]);
+    expectNear(told.at("Rr1"), now.reaction_torque_rate[0]);
+    expectNear(told.at("Rr2"), now.reaction_torque_rate[1]);
+    expectNear(told.at("L"), now.multiplier[0]);
+    expectNear(told.at("twice"), now.reaction_torque[0] + now.multiplier[0]);
+    simulation.advanceTo(time + 1e-4);
+    const double difference = (simulation.sample().acceleration[0] - before) / 2e-4;
+    EXPECT_NEAR(told.at("j1st"), difference, 1e-4 * (1.0 + std::abs(difference)));
+  }
+}
+
+const char* const kTwoShafts = R"yaml(
+shafts: [a, b]
+a: {inertia: {mean: 1, harmonics: [{order: 2, cos: 0.2}]}}
+b: {inertia: 2}
+torques: [pull, drag]
+pull: {type: variator_sim/ExpressionTorque, shaft: a, torque: "4 + heat - 0.1*w1 + sin(t)"}
+drag: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-0.3*w2 + 0.1*phi1"}
+states: [heat]
+heat: {rate: "0.1*w1 - 0.2*heat + 0.01*R_a + 0.01*pull_torque", initial: 1}
+constraints: [belt]
+)yaml";
+const char* const kSlip = R"yaml(
+belt: {type: variator_sim/ExpressionConstraint, order: 2,
+  expression: "0.2*(e2 - 0.6*e1)*(1 + 0.05*e1^2) + w2 - (0.6 + 0.1*heat)*w1"}
+)yaml";
+const char* const kSway = R"yaml(
+belt: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2 - (0.6 + 0.1*sin(t))*w1"}
+)yaml";
+
+TEST(Observers, AreToldReactionsTheirRatesAndMultipliers) {
+  for (const char* const belt : {kSlip, kSway}) {
+    for (const char* const principle : {"principle: generalized_gauss", "principle: gauss"}) {
+      SCOPED_TRACE(std::string(belt) + principle);
+      expectWhatSamplesTell(kTwoShafts + std::string(belt) + principle);
+    }
+  }
+}
+
+const char* const kClutch = R"yaml(
+shafts: [a, b, c]
+a: {inertia: 1}
+b: {inertia: 2}
+c: {inertia: 1}
+torques: [pull, clutch, drag]
+pull: {type: variator_sim/ExpressionTorque, shaft: a, torque: "20 + 15*t"}
+clutch: {type: variator_sim/Clutch, shafts: [a, b], capacity: 60}
+drag: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-0.3*w2"}
+constraints: [belt]
+belt: {type: variator_sim/KinematicRatio, shafts: [b, c], ratio: 0.5}
+initial: {velocity: [15, 0, 0]}
+)yaml";
+
+// The clutch slides, sticks and lets go again; while it sticks its torque on a is that of
+// R' = C' Lambda, and of the sum of the inertias.
+TEST(Observers, AreToldElementsThatHold) {
+  for (const char* const principle : {"principle: generalized_gauss\n", "principle: gauss\n"}) {
+    SCOPED_TRACE(principle);
+    Simulation simulation = simulate(kClutch + std::string(principle) + kObserved + R"yaml(
+states: [heat, held, sides]
+heat: {rate: "-clutch_power"}
+held: {rate: "if(abs(clutch_mode) < 0.5, 1, 0)"}
+sides: {rate: 0}
+variables: [slip_at, passed]
+slip_at: {initial: -1}
+passed: {initial: 0}
+events: [stick, pass]
+stick: {when: "abs(clutch_mode) - 0.5", set: {sides: "sides + 1", slip_at: "clutch_slip"}}
+pass: {when: "clutch_torque + 50", direction: falling, set: {passed: t}}
+)yaml");
+    bool was_held = false;
+    for (int n = 1; n <= 60; ++n) {
+      ASSERT_TRUE(simulation.advanceTo(0.1 * n).ok()) << simulation.describeStatus();
+      const std::map<std::string, double> elements = valuesOf(simulation, QuantityGroup::kElements);
+      EXPECT_NEAR(stateOf(simulation, "heat"), elements.at("clutch/heat"), 1e-8);
+      was_held = was_held || elements.at("clutch/mode") == 0.0;
+      const Sample& now = simulation.sample();
+      EXPECT_NEAR(outputOf(simulation, "R1"), now.reaction_torque[0], 1e-9);
+      EXPECT_NEAR(outputOf(simulation, "Rr1"), now.reaction_torque_rate[0], 1e-7);
+      EXPECT_NEAR(outputOf(simulation, "L"), now.multiplier[0], 1e-7);
+    }
+    EXPECT_TRUE(was_held);
+    EXPECT_EQ(stateOf(simulation, "sides"), 2.0);
+    EXPECT_NEAR(variableOf(simulation, "slip_at"), 0.0, 1e-9);
+    // T = a + (b + c/4) of (20 + 15 t - 0.3 w) / (1 + 2.25) with the drag: 2.25 pull + 0.3 w
+    simulation.reset();
+    ASSERT_TRUE(simulation.advanceTo(6.0).ok());
+    const double at = variableOf(simulation, "passed");
+    simulation.reset();
+    simulation.advanceTo(at);
+    const double pull = 20.0 + 15.0 * at;
+    const double T = (2.25 * pull + 0.3 * simulation.sample().velocity[0]) / 3.25;
+    EXPECT_NEAR(T, 50.0, 1e-6);
+  }
+}
+
+TEST(Observers, AreRefusedWhereRatesWouldNeedThemselves) {
+  const std::string scene = kTwoShafts + std::string(kSway);
+  const auto faultOf = [](const std::string& yaml) -> std::string {
+    try {
+      test::sceneFromText(yaml);
+    } catch (const SceneError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const auto with = [&](const std::string& formula) {
+    std::string changed = scene;
+    return changed.replace(changed.find("0.01*R_a"), 8, formula);
+  };
+  EXPECT_NE(faultOf(with("j_a")).find("heat/rate: reads a jerk"), std::string::npos);
+  EXPECT_NE(faultOf(with("belt_multiplier")).find("allowed in when, set"), std::string::npos);
+  EXPECT_EQ(faultOf(with("belt_multiplier") + "principle: gauss"), "");
+}
+
+// --- rest, trim, errors, saved states ------------------------------------------------------------
+
+// w' = 2 - w, z' = w - z/10, and fuel, which only counts.
+const char* const kSlowState = R"yaml(
+shafts: [load]
+load: {inertia: 1}
+torques: [drive]
+drive: {type: variator_sim/ExpressionTorque, shaft: load, torque: "2 - w1 + 0*z"}
+states: [z, fuel]
+z: {rate: "w1 - z/50"}
+fuel: {rate: 0.25}
+)yaml";
+
+TEST(States, ThatTheMotionReadsKeepItAwake) {
+  std::string read = kSlowState + std::string("initial: {velocity: [2]}\n");
+  read.replace(read.find("2 - w1"), 6, "-w1");
+  std::string counted = read;
+  counted.replace(counted.find(" + 0*z"), 6, "");
+  counted.replace(counted.find("w1 - z/50"), 9, "w1 + 1");
+  for (const bool reads : {true, false}) {
+    Simulation simulation = simulate(reads ? read : counted);
+    ASSERT_TRUE(simulation.advanceTo(60.0).ok());
+    EXPECT_EQ(simulation.isSleeping(), !reads);
+    // (A state that only counts goes on exactly.)
+    EXPECT_NEAR(stateOf(simulation, "fuel"), 15.0, 1e-12);
+  }
+}
+
+TEST(States, HaveEstimatedErrors) {
+  Simulation simulation = simulate(kBrake + std::string("solver: {relative_tolerance: 1e-6}\n"));
+  simulation.estimateErrors(true);
+  const double b = 0.002 * 2.0 / 1000.0;
+  const double p = 0.7 * (1.0 - b * 1e4);
+  const double q = 0.7 * b;
+  for (int n = 1; n <= 10; ++n) {
+    ASSERT_TRUE(simulation.advanceTo(0.3 * n).ok());
+    const Sample& now = simulation.sample();
+    const double decay = std::exp(-p * 0.3 * n);
+    const double y = p * 1e4 * decay / (p + q * 1e4 * (1.0 - decay));
+    const double error = std::abs(stateOf(simulation, "temperature") - (1e4 - y) / 500.0);
+    EXPECT_NEAR(now.state_error[0], error, 0.1 * error + 1e-11);
+  }
+}
+
+TEST(Events, AreWatchedFromTheSavedSigns) {
+  const std::string scene = R"yaml(
+shafts: [load]
+load: {inertia: 1}
+torques: [drive]
+drive: {type: variator_sim/ExpressionTorque, shaft: load, torque: "3*lit - w1"}
+states: [x]
+x: {rate: 1, initial: -1}
+variables: [lit]
+lit: {initial: 0}
+events: [rise]
+rise: {when: "x*(1 + w1)", direction: rising, set: {lit: 1}}
+)yaml";
+  Simulation simulation = simulate(scene);
+  simulation.advanceTo(0.5);
+  MotionState state;
+  ASSERT_TRUE(simulation.saveState(&state));
+  EXPECT_EQ(state.history.armed[0], -1);
+  const Scene read = test::sceneFromText(scene);
+  const MotionState again = readMotionState(toTree(state, read), read, MotionState{});
+  EXPECT_EQ(again.history.armed[0], -1);
+  Simulation other = simulate(scene);
+  ASSERT_EQ(other.setState(again, false), "");
+  for (Simulation* const it : {&simulation, &other}) ASSERT_TRUE(it->advanceTo(2.0).ok());
+  EXPECT_EQ(variableOf(simulation, "lit"), 1.0);
+  EXPECT_EQ(variableOf(other, "lit"), 1.0);
+  EXPECT_EQ(simulation.sample().velocity[0], other.sample().velocity[0]);
+}
+
+TEST(States, AreTrimmedToRestOrLeftFree) {
+  const std::string scene = kSlowState;
+  const auto trimmed = [](const std::string& text) {
+    const TrimResult result = trim(test::sceneFromText(text), {});
+    EXPECT_EQ(result.states.size(), 1U) << result.message;
+    return result.states.empty() ? OperatingPoint{} : result.states[0].point;
+  };
+  EXPECT_NEAR(trimmed(scene).input[0], 100.0, 1e-9);  // z = 50 w
+  std::string is_free = scene;
+  is_free.replace(is_free.find("rate: \"w1 - z/50\""), 17, "rate: \"w1 - z/50\", trim: free");
+  EXPECT_EQ(trimmed(is_free).input[0], 0.0);
+  EXPECT_NEAR(trimmed(is_free).velocity[0], 2.0, 1e-9);
+  std::string at_rest = scene;
+  at_rest.replace(at_rest.find("rate: 0.25"), 10, "rate: \"w1 - 2\", trim: rest");
+  EXPECT_NEAR(trimmed(at_rest).velocity[0], 2.0, 1e-9);
 }
 
 TEST(Memory, FaultsAreNamed) {

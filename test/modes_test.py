@@ -242,6 +242,45 @@ clutch: {type: variator_sim/Clutch, shafts: [a, b], capacity: 5, ratio: "1+0.1*t
         self.assertEqual(others, rows[-len(others):])
         self.assertEqual(later, [line for line in events if float(line[0]) > 0.8])
 
+    def test_states_follow_what_elements_hold_with(self):
+        """By simulate and by the emitted program: torques, modes and reactions in rates and events."""
+        scene = '''
+shafts: [a, b, c]
+a: {inertia: 1}
+b: {inertia: 2}
+c: {inertia: 1}
+torques: [pull, clutch, drag]
+pull: {type: variator_sim/ExpressionTorque, shaft: a, torque: "20 + 15*t"}
+clutch: {type: variator_sim/Clutch, shafts: [a, b], capacity: 60}
+drag: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-0.3*w2"}
+constraints: [belt]
+belt: {type: variator_sim/KinematicRatio, shafts: [b, c], ratio: 0.5}
+initial: {velocity: [15, 0, 0]}
+states: [heat, held, told, turned]
+heat: {rate: "-clutch_power"}
+held: {rate: "if(abs(clutch_mode) < 0.5, 1, 0)"}
+told: {rate: "R_c*w_c + Rr_b + belt_multiplier + j_a"}
+turned: {rate: "clutch_torque + clutch_slip"}
+variables: [passed]
+passed: {initial: 0}
+events: [pass]
+pass: {when: "clutch_torque + 50", direction: falling, set: {passed: t}}
+'''
+        columns = [f"states/{name}" for name in ("heat", "held", "told", "turned")] + ["variables/passed"]
+        for principle in ("generalized_gauss", "gauss"):
+            (names, rows), _ = self.play(scene + f"principle: {principle}", 6, 2)
+            done = call(SIMULATE, self.folder / "it.yaml", "--duration", 6, "--rate", 2, "--columns",
+                        "state,elements,states,variables", "--output", self.folder / "s.csv")
+            self.assertEqual((done.returncode, done.stderr), (0, ""))
+            header, samples = read(self.folder / "s.csv")
+            for row, sample in zip(rows, samples):
+                for column in columns:
+                    self.assertAlmostEqual(float(row[names.index(column)]), float(sample[header.index(column)]), delta=1e-8)
+                self.assertAlmostEqual(float(sample[header.index("states/heat")]), float(sample[header.index("clutch/heat")]),
+                                       delta=1e-8)
+            self.assertEqual(len(rows), len(samples))
+            self.assertGreater(float(rows[-1][names.index("states/held")]), 1.0)
+
     def test_starts_in_modes_that_the_scene_asks_for(self):
         scene = '''
 shafts: [a]

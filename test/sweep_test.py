@@ -108,6 +108,56 @@ class SweepTest(TestCase):
                 ("max(outputs/power)", [0.25, 0.25], 1e-6), ("final(time)", 8 + 0 * c, 0)]:
             numpy.testing.assert_allclose(table[name], value, rtol=0, atol=tolerance, err_msg=name)
 
+    def test_a_controller_of_each_run(self):
+        scene = LAG.replace("1 - c*w1", "u - c*w1").replace("torques:", "inputs: [u]\nu: {topic: u, initial: 1}\ntorques:")
+        grid = {"motor/parameters/c": [1.0, 2.0]}
+        metrics = ["final(drive/velocity)", "min(drive/velocity)", "max(drive/acceleration)", "mean(drive/velocity)",
+                   "integral(drive/velocity)", "settling(drive/velocity)", "settling(drive/velocity, 0.1)"]
+        plain = variator_sim.sweep(scene, 8.0, grid=grid, rate=100, metrics=metrics)
+        none = variator_sim.sweep(scene, 8.0, grid=grid, rate=100, metrics=metrics, controller=lambda values: lambda sample: None)
+        self.assertEqual(list(none), list(plain))
+        for name in plain:
+            if name == "reason":
+                continue
+            numpy.testing.assert_allclose(none[name], plain[name], rtol=1e-8, atol=1e-8, err_msg=name)
+
+        def controller(values):
+            total = [0.0]  # a memory of its own
+
+            def update(sample):
+                total[0] += 0.01 * (0.5 - sample["drive/velocity"])
+                return {"u": values["motor/parameters/c"] * 0.5 + 2.0 * total[0]}
+            return update
+
+        output = self.folder / "out.csv"
+        table = variator_sim.sweep(scene, 30.0, grid=grid, metrics=["final(drive/velocity)"], controller=controller,
+                                   output=output)
+        numpy.testing.assert_allclose(table["final(drive/velocity)"], 0.5, atol=1e-4)
+        self.check_same(variator_sim.read_table(output), table)
+        for fault in (lambda values: None, lambda values: {"u": 1.0}):
+            with self.assertRaisesRegex(TypeError, "controller: returned .*as `simulate` has it"):
+                variator_sim.sweep(scene, 1.0, grid=grid, metrics=["final(drive/velocity)"], controller=fault)
+
+    def test_files_of_a_scene_count(self):
+        """In the folder of the scene and in packages: other contents are another sweep."""
+        import os
+        from unittest import mock
+        package = self.folder / "src/nested/folder"
+        package.mkdir(parents=True)
+        (package / "package.xml").write_text("<package><name>maps</name></package>", encoding="utf-8")
+        grid = {"drive/inertia": numpy.array([1.0])}
+        for name, place in [("m.csv", self.folder / "m.csv"), ("package://maps/m.csv", package / "m.csv")]:
+            scene = self.folder / "scene.yaml"
+            scene.write_text(LAG + f"tables: [map]\nmap: {{file: '{name}', x: x, values: y}}\n", encoding="utf-8")
+            prints = set()
+            with mock.patch.dict(os.environ, ROS_PACKAGE_PATH=str(self.folder / "src")):
+                for value in (1, 2):
+                    place.write_text(f"x,y\n0,0\n1,{value}\n", encoding="utf-8")
+                    task = sweeps.Task(scene, 1.0, 100.0, None, None, None, list(grid), numpy.array([[1.0]]),
+                                       ["final(drive/velocity)"])
+                    prints.add(task.fingerprint(numpy.array([[1.0]]), (1, 1)))
+            self.assertEqual(len(prints), 2, name)
+
     def test_a_row_is_its_run_on_any_number_of_threads(self):
         arguments = dict(duration=2.0, grid={"drive/inertia": "0.3:1.5:4"},
                          random={"load/inertia": "uniform(1.8,2.2)"}, samples=3,

@@ -83,7 +83,32 @@ TEST(TableFile, IsFoundInAPackage) {
                     [&](const std::string& text) { folder.read(text, ""); });
   test::expectFault({keys + "my_car'", "it/file", {"package://PACKAGE/PATH"}},
                     [&](const std::string& text) { folder.read(text, ""); });
+  // By the name in its package.xml, at any depth, but not below a package or what is to be ignored.
+  std::filesystem::create_directories(folder.path() / "src/a/b/c/folder/below/maps");
+  std::filesystem::create_directories(folder.path() / "src/old/maps");
+  folder.write("src/a/b/c/folder/package.xml", "<package>\n  <name> big_car\n</name></package>");
+  folder.write("src/a/b/c/folder/m.csv", "w,T\n0,3\n1,4\n");
+  folder.write("src/a/b/c/folder/below/package.xml", "<package><name>lost</name></package>");
+  folder.write("src/old/package.xml", "<package><name>old_car</name></package>");
+  folder.write("src/old/CATKIN_IGNORE", "");
+  EXPECT_EQ(folder.read(keys + "big_car/m.csv'", "").symbols.tables.at("it").of_one->value(0.5),
+            3.5);
+  for (const char* const name : {"lost", "old_car", "folder"}) {
+    test::expectFault({keys + name + "/m.csv'", "it/file", {"there is no package"}},
+                      [&](const std::string& text) { folder.read(text, ""); });
+  }
+  test::expectFault({keys + "bigcar/m.csv'", "it/file", {"did you mean 'big_car'"}},
+                    [&](const std::string& text) { folder.read(text, ""); });
+  // A build space names its source spaces.
   unsetenv("ROS_PACKAGE_PATH");
+  std::filesystem::create_directories(folder.path() / "devel");
+  folder.write("devel/.catkin", "/nowhere;" + (folder.path() / "src").string());
+  const char* const prefixes = std::getenv("CMAKE_PREFIX_PATH");
+  const std::string before = prefixes != nullptr ? prefixes : "";
+  setenv("CMAKE_PREFIX_PATH", (folder.path() / "devel").c_str(), 1);
+  EXPECT_EQ(folder.read(keys + "big_car/m.csv'", "").symbols.tables.at("it").of_one->value(0.5),
+            3.5);
+  setenv("CMAKE_PREFIX_PATH", before.c_str(), 1);
 }
 
 TEST(TableFile, TellsFaultsByFileLineAndColumn) {

@@ -134,5 +134,18 @@ TEST(Units, TakeEveryTextOrRefuseIt) {
   }
 }
 
+TEST(Units, AreWrittenWithTheirSigns) {
+  const auto siOf = [](const std::string& text, double number) {
+    return requireUnit(text, "it").toSi(number);
+  };
+  EXPECT_NEAR(siOf("degC", 20.0), 293.15, 1e-12);
+  EXPECT_NEAR(siOf("\u00b0C", 20.0), 293.15, 1e-12);
+  EXPECT_NEAR(siOf("W/\u00b0C", 3.0), 3.0, 1e-15);  // a difference
+  EXPECT_NEAR(siOf("N\u00b7m/\u00b0", 1.0), 180.0 / kPi, 1e-12);
+  EXPECT_NEAR(siOf("g m\u00b2", 800.0), 0.8, 1e-15);
+  EXPECT_NEAR(siOf("\u00b5s", 5.0), 5e-6, 1e-20);
+  EXPECT_NEAR(siOf("m\u03a9", 5.0), 5e-3, 1e-17);
+}
+
 }  // namespace
 }  // namespace variator_sim

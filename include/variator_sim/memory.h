@@ -14,6 +14,10 @@ namespace variator_sim {
 struct SceneState {
   int input = 0;          ///< index in Scene::inputs
   expression::Node rate;  ///< may read accelerations
+  /// A law, an event or the rate of another state reads it: the motion is not at rest while it
+  /// changes.
+  bool is_read = false;
+  bool trims_to_rest = false;  ///< trim looks for states in which its rate is 0
 };
 
 /// The instants at which a switching function passes 0, and what is set there.

@@ -50,7 +50,8 @@ struct MotionState {
     bool has_multipliers = false;
     double multiplier[kMaxConstraints] = {};  ///< with which their iteration goes on
     KeptReaction kept_reaction;
-    HeldState held[kMaxHolds];  ///< in the order of Scene::holdNames
+    HeldState held[kMaxHolds];   ///< in the order of Scene::holdNames
+    int armed[kMaxEvents] = {};  ///< signs from which the functions of events are watched
     EnergyAccount energy;
   };
 

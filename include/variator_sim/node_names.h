@@ -20,7 +20,7 @@ struct NodeNames {
 /// Returns the names of variator_sim_node.
 inline NodeNames nodeNames() {
   return {{"tick_rate", "publish_rate", "real_time_factor", "publish_clock", "start_paused",
-           "realtime_priority", "lock_memory", "estimate_error", "overrides"},
+           "realtime_priority", "lock_memory", "estimate_error", "overrides", "scene_folder"},
           {"state", "elements", "inputs", "outputs", "states", "variables", "principle", "energy",
            "events", "scene", "status", "commands", "parameter_descriptions", "parameter_updates"}};
 }

@@ -38,6 +38,8 @@ class Output {
   bool readsPrinciple() const { return reads_principle_; }
   /// Returns the formula of the value in its unit, of the scene's graph.
   expression::Node node() const { return node_; }
+  /// Returns the formula of the value in SI units, which other outputs read.
+  expression::Node value() const { return value_; }
 
  private:
   static int slotOf(int n);
@@ -46,6 +48,7 @@ class Output {
   std::string unit_;
   bool reads_principle_ = false;
   expression::Node node_;
+  expression::Node value_;
   expression::Tape formula_;
 };
 

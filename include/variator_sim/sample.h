@@ -33,6 +33,7 @@ struct Sample {
   double angle_error[kMaxShafts] = {};         ///< rad
   double velocity_error[kMaxShafts] = {};      ///< rad/s
   double acceleration_error[kMaxShafts] = {};  ///< rad/s^2
+  double state_error[kMaxInputs] = {};         ///< of the scene's states, their own units
 };
 
 }  // namespace variator_sim

@@ -1,6 +1,7 @@
 /// Inputs and tables that a scene names for all of its components.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <set>
@@ -26,8 +27,10 @@ struct SceneSymbols {
   NamedTables tables;
   /// Inputs that are played from a file, over time.
   std::map<std::string, std::shared_ptr<const Table>> played;
-  /// Formulas that have names: values of controllers, and, for observers only, those of elements.
+  /// Formulas that have names: values of controllers and, for outputs, those of other outputs.
   std::map<std::string, expression::Node> values;
+  /// Formulas for observers only, made when they are read.
+  std::map<std::string, std::function<expression::Node()>> observed;
   /// The names that only observers may read.
   std::shared_ptr<std::set<std::string>> of_elements = std::make_shared<std::set<std::string>>();
 };

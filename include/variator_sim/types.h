@@ -51,6 +51,8 @@ struct StateView {
   const double* input_second_rate = nullptr;
   /// Elements that hold, in the scene's order; null where their modes are not known.
   const HeldElement* held = nullptr;
+  /// Their values for formulas (expression::heldSlot).
+  const double* held_values = nullptr;
 };
 
 /// Tells whether a law reads the time and the angles. The solver omits derivatives by a quantity

@@ -12,7 +12,8 @@ struct Unit {
   double numerator = 1.0;  ///< one of it is numerator/denominator of the SI unit of its dimension
   double denominator = 1.0;
   std::array<int, 6> dimension{};  ///< exponents of kg, m, s, A, K, rad
-  double toSi(double number) const { return number * numerator / denominator; }
+  double zero = 0.0;               ///< its 0 in SI units: 273.15 of degC that stands alone
+  double toSi(double number) const { return number * numerator / denominator + zero; }
 };
 
 /// A text read as a unit.

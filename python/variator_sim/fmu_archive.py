@@ -80,6 +80,8 @@ def _describe_units(root, units):
         base = {key: str(exponent) for key, exponent in zip(BASE_UNITS, exponents) if exponent}
         if factor != 1:
             base["factor"] = repr(float(factor))
+        if len(exponents) > len(BASE_UNITS):  # of degC
+            base["offset"] = repr(float(exponents[-1]))
         _element(_element(definitions, "Unit", name=name), "BaseUnit", **base)
 
 

@@ -19,9 +19,9 @@ import time
 import numpy
 
 from variator_sim import _core
-from variator_sim.errors import SceneError
+from variator_sim.errors import MotionStopped, SceneError
 from variator_sim.files import find_regular_file, whole_file
-from variator_sim.running import checked_times, read_commands
+from variator_sim.running import checked_times, read_commands, simulate
 
 KINDS = ("final", "min", "max", "mean", "integral", "settling")
 GROUPS = ("state", "elements", "inputs", "outputs", "states", "variables",
@@ -168,6 +168,18 @@ def find_columns(simulation, metrics):
     return groups, [(kind, names.index(column), band) for kind, column, band in metrics]
 
 
+def calc_metric(kind, column, band, result):
+    """A metric of a `Result`, as _core._sweep has it."""
+    time, values = result.time, result.values[:, column]
+    if kind in ("final", "min", "max"):
+        return {"final": values[-1], "min": values.min(), "max": values.max()}[kind]
+    if kind in ("integral", "mean"):
+        integral = float(numpy.trapz(values, time))
+        return integral if kind == "integral" else integral / (time[-1] - time[0]) if time[-1] > time[0] else values[0]
+    off = numpy.flatnonzero(numpy.abs(values - values[-1]) > band * abs(values[-1] - values[0]))
+    return time[off[-1] + 1 if len(off) else 0] - time[0]
+
+
 def read_one(scene, overrides, paths, values):
     """The first, the last or a middle run's scene: where none can be read, no run is worth it."""
     fault = None
@@ -181,8 +193,8 @@ def read_one(scene, overrides, paths, values):
 
 def file_digest(name):
     """A hash of a file that a scene reads, by its path as YAML has it; "" where there is none."""
-    with contextlib.suppress(OSError, ValueError):
-        with open(json.loads(name) if name.startswith('"') else name, "rb") as file:
+    with contextlib.suppress(OSError, ValueError, SceneError):
+        with open(_core._file_path(json.loads(name) if name.startswith('"') else name), "rb") as file:
             return hashlib.sha256(file.read()).hexdigest()
     return ""
 
@@ -190,7 +202,8 @@ def file_digest(name):
 class Task:
     """The common part of all runs of a sweep: plain values, so it can be sent to other machines."""
 
-    def __init__(self, scene, duration, rate, times, commands, overrides, paths, values, metrics):
+    def __init__(self, scene, duration, rate, times, commands, overrides, paths, values, metrics, controller=None,
+                 period=0.01):
         if not isinstance(scene, collections.abc.Mapping):
             scene = os.fspath(scene)
             if "\n" not in scene and not scene.startswith("{"):
@@ -212,9 +225,28 @@ class Task:
         self.arguments = (self.duration, float(rate), None if times is None else list(map(float, times)),
                           read_commands(commands), groups, places)
         self.scene, self.overrides, self.paths = scene, overrides, list(paths)
+        self.controller, self.period = controller, period
+
+    def run_controlled(self, row):
+        """Metrics and the reason of one row of values, with a controller of its own."""
+        values = dict(zip(self.paths, row.tolist()))
+        controller = self.controller(values)
+        if not callable(controller):
+            raise TypeError(f"controller: returned {str(controller)[:80]} for the values of a run; allowed: a function "
+                            "that returns the run's own controller, a function of a sample as `simulate` has it")
+        duration, rate, times, commands, groups, metrics = self.arguments
+        try:
+            result = simulate(self.scene, duration, rate=rate, times=times, commands=commands, columns=groups,
+                              overrides={**(self.overrides or {}), **values}, controller=controller, period=self.period)
+            return [calc_metric(kind, column, band, result) for kind, column, band in metrics], ""
+        except (SceneError, MotionStopped) as error:
+            return [math.nan] * len(metrics), str(error)
 
     def run(self, values, threads, compiles):
         """Metrics (runs x metrics) and reasons of some rows of values."""
+        if self.controller is not None:
+            rows = [self.run_controlled(row) for row in values]
+            return numpy.array([row[0] for row in rows]), [row[1] for row in rows]
         return _core._sweep(self.scene, self.overrides, self.paths, values.tolist(),
                             *self.arguments, threads, compiles)
 
@@ -471,7 +503,7 @@ def check_output(output, scene, commands):
 
 def sweep(scene, duration=None, *, grid=None, random=None, samples=1, seed=0, metrics, rate=100.0,
           times=None, commands=None, overrides=None, output=None, threads=None, shard=(1, 1),
-          scheduler=None, progress=False):
+          scheduler=None, progress=False, controller=None, period=0.01):
     """Runs a scene for each point of a grid, `samples` times with random values; returns a `Table`.
 
     Args:
@@ -488,6 +520,10 @@ def sweep(scene, duration=None, *, grid=None, random=None, samples=1, seed=0, me
         shard: (i, n): only every n-th run from the i-th, i from 1.
         scheduler: address of a Dask scheduler, "tcp://...": its workers run everything.
         progress: a line on standard error.
+        controller: called with the values of each run by path; returns the run's own controller, a
+            function as of `simulate`. Runs are made one after the other then, and an interrupted sweep
+            begins anew.
+        period: of the controller, s of simulated time.
     """
     check_output(output, scene, commands)
     regular = None if output is None else find_regular_file(output)
@@ -495,9 +531,10 @@ def sweep(scene, duration=None, *, grid=None, random=None, samples=1, seed=0, me
     paths, values = make_design(grid, random, samples, seed)
     parts = whole_number("shard", shard[1], 1)
     part = whole_number("shard", shard[0], 1, parts)
-    task = Task(scene, duration, rate, times, commands, overrides, paths, values, metrics)
+    task = Task(scene, duration, rate, times, commands, overrides, paths, values, metrics, controller, period)
     wanted = numpy.arange(len(values))[part - 1::parts]
-    journal = Memory() if regular is None else Journal(
+    # (Nothing tells whether a controller is the one of the interrupted sweep.)
+    journal = Memory() if regular is None or controller is not None else Journal(
         f"{regular}.journal", task.fingerprint(values, (part, parts)), len(metrics))
     line = Progress(len(wanted), len(journal.rows), progress)
 

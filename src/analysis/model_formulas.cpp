@@ -79,6 +79,20 @@ void addConserved(MotionEquations& equations, ModelFormulas& formulas) {
   }
 }
 
+/// Rejects formulas with the multiplier of a stuck element, of which generalized_gauss knows the
+/// rate alone.
+void refuseHeldTorques(MotionEquations& equations, const Scene& scene, Node node,
+                       const std::string& name) {
+  if (kindOf(scene) != MotionKind::kGeneralized) return;
+  const VariableLayout& layout = equations.layout();
+  for (int m = 0; m < layout.k; ++m) {
+    if (!equations.graph().dependsOn(node, layout.slot(layout.multiplier(m)))) continue;
+    throw SceneError(name, "reads the torque of " + equations.constraints()[at(m)].name +
+                               ", which a linear model under 'principle: generalized_gauss' does "
+                               "not have; allowed: 'principle: gauss', or another formula");
+  }
+}
+
 void addOutputs(MotionEquations& equations, const Scene& scene, ModelFormulas& formulas) {
   const VariableLayout& layout = equations.layout();
   std::vector<Node>& all = formulas.all;
@@ -91,7 +105,9 @@ void addOutputs(MotionEquations& equations, const Scene& scene, ModelFormulas& f
     all.push_back(equations.reaction(i));
   }
   for (const Output& output : scene.outputs) {
-    if (!output.readsPrinciple()) all.push_back(equations.inModes(output.node()));
+    if (output.readsPrinciple()) continue;
+    all.push_back(equations.inModes(output.node()));
+    refuseHeldTorques(equations, scene, all.back(), output.name());
   }
   formulas.outputs = static_cast<int>(all.size() - before);
 }
@@ -110,8 +126,9 @@ ModelFormulas makeModelFormulas(MotionEquations& equations, const Scene& scene) 
   // z' = rate of the scene's own states
   for (const SceneState& state : scene.states) {
     const int z_rate = equations.layout().inputRate(state.input);
-    formulas.all.push_back(
-        equations.graph().subtract(equations.variable(z_rate), equations.inModes(state.rate)));
+    const Node rate = equations.inModes(state.rate);
+    refuseHeldTorques(equations, scene, rate, scene.inputs[at(state.input)].name);
+    formulas.all.push_back(equations.graph().subtract(equations.variable(z_rate), rate));
     formulas.unknowns.push_back(z_rate);
   }
   addRows(equations, kind, formulas);

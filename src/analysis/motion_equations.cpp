@@ -83,7 +83,17 @@ void MotionEquations::takeModes(const std::vector<int>& mode) {
   for (std::size_t h = 0; h < holds_.size(); ++h) {
     const bool slides = mode[h] == -1 || mode[h] == 1;
     sides_.emplace_back(graph_.entry(holds_[h].side).slot, graph_.constant(slides ? mode[h] : 0.0));
+    const std::size_t before = constraints_.size();
     if (mode[h] == 0) addStuck(holds_[h].name, holds_[h].slip);
+    const bool counts = constraints_.size() > before;
+    const auto set = [&](expression::HeldValue value, Node node) {
+      const int slot = expression::heldSlot(value, static_cast<int>(h));
+      sides_.emplace_back(slotOf(Source::kHeld, slot), node);
+    };
+    set(expression::HeldValue::kMode, graph_.constant(mode[h]));
+    set(expression::HeldValue::kCounts, graph_.constant(counts ? 1.0 : 0.0));
+    set(expression::HeldValue::kMultiplier,
+        counts ? variable(layout_.multiplier(static_cast<int>(before))) : graph_.constant(0.0));
   }
   for (Node& torque : torques_) torque = inModes(torque);
   layout_.k = static_cast<int>(constraints_.size());

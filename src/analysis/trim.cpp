@@ -175,7 +175,7 @@ void Trim::chooseUnknowns() {
   }
   if (options_.accelerating) unknowns.insert(layout_.growth());
   for (const SceneState& state : scene_.states) {
-    if (comesToRest(scene_, state.input)) unknowns.insert(layout_.input(state.input));
+    if (state.trims_to_rest) unknowns.insert(layout_.input(state.input));
   }
   std::set<int> free;
   for (const TrimChoice& choice : options_.free) {

@@ -33,18 +33,6 @@ std::string findInputBeyond(const Scene& scene, const double* values) {
   return "";
 }
 
-bool comesToRest(const Scene& scene, int input) {
-  const int slot = expression::slotOf(expression::Source::kInput, input);
-  const auto reads = [&](Node node) { return scene.graph->dependsOn(node, slot); };
-  const auto lawReads = [&](const auto& law) {
-    return std::any_of(law->formulas().begin(), law->formulas().end(), reads);
-  };
-  return std::any_of(scene.torques.begin(), scene.torques.end(), lawReads) ||
-         std::any_of(scene.constraints.begin(), scene.constraints.end(), lawReads) ||
-         std::any_of(scene.states.begin(), scene.states.end(),
-                     [&](const SceneState& it) { return reads(it.rate); });
-}
-
 std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& scene,
                                       bool accelerating) {
   std::vector<NamedFormula> balance;
@@ -75,7 +63,7 @@ std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& s
   }
   for (const SceneState& state : scene.states) {
     const std::string& name = scene.inputs[at(state.input)].name;
-    if (comesToRest(scene, state.input)) {
+    if (state.trims_to_rest) {
       add(equations.inModes(state.rate), "the rate of the state " + inQuotes(name));
     }
   }

@@ -23,10 +23,6 @@ struct NamedFormula {
 std::vector<NamedFormula> makeBalance(MotionEquations& equations, const Scene& scene,
                                       bool accelerating);
 
-/// True for the input of a state that is at rest in a steady state: the motion or a rate reads it.
-/// Others only count, fuel and distance, say.
-bool comesToRest(const Scene& scene, int input);
-
 /// Returns the n-th number of Halton's sequence of that dimension, in [0, 1).
 double halton(int n, int dimension);
 

@@ -162,7 +162,8 @@ std::string nameForC(const std::string& scene_path) {
 }
 
 EmittedScene emitScene(Simulation& simulation, const std::string& name, const std::string& title) {
-  return Emission(simulation, name, title).write();
+  return orRefuse("cannot be written as C",
+                  [&] { return Emission(simulation, name, title).write(); });
 }
 
 }  // namespace variator_sim

@@ -141,6 +141,7 @@ class FmuWriter {
       text += (text.empty() ? "" : ", ") + asJson(name) + ": [" +
               literalOf(read->unit.numerator / read->unit.denominator);
       for (const int exponent : read->unit.dimension) text += ", " + std::to_string(exponent);
+      if (read->unit.zero != 0.0) text += ", " + literalOf(read->unit.zero);
       text += "]";
     }
     return text;
@@ -291,7 +292,8 @@ class FmuWriter {
 
 std::string describeFmu(Simulation& simulation, int version, const std::string& name,
                         const std::string& title) {
-  return FmuWriter(simulation, version).write(name, title);
+  return orRefuse("cannot be written as C",
+                  [&] { return FmuWriter(simulation, version).write(name, title); });
 }
 
 }  // namespace variator_sim

@@ -62,9 +62,16 @@ std::string explainForeignWord(const std::string& word) {
   if (is_one_of({"not", "!"})) {
     return "the opposite of a comparison exchanges the two values of its 'if'";
   }
+  if (is_one_of({"delay", "delayed", "transport_delay"})) {
+    return "formulas do not read the past; of a function of time write t - 0.2 for t, of a file "
+           "that "
+           "is played shift its times, and of all else let a state or several in a row follow it, "
+           "rate: (x - z)/0.2 (doc/scene.md)";
+  }
   if (!is_one_of({"integral", "integrate", "integ", "int", "cumsum"})) return "";
-  return "the integral of a speed is an angle, phi_SHAFT; that of anything else is the velocity of "
-         "one more shaft, {inertia: 1}, on which it acts as an ExpressionTorque (doc/modelling.md)";
+  return "the integral of a speed is an angle, phi_SHAFT; that of anything else is a state of the "
+         "scene, states: [z] with z: {rate: FORMULA} (doc/scene.md); over a run it is the metric "
+         "integral(COLUMN) of a sweep";
 }
 
 std::vector<std::string> functionNames() {

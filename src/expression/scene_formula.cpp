@@ -155,6 +155,12 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
   const std::string text = reader.formula(key, kind == FormulaKind::kTorque ? "N m" : "");
 
   Variables variables = nameVariables(context, kind, graph);
+  for (const auto& [name, make] : context.symbols().observed) {
+    // (One that does not occur is there for messages.)
+    const bool is_free = variables.symbols.count(name) + parameters.count(name) == 0;
+    if (kind == FormulaKind::kOutput && is_free)
+      variables.symbols[name] = text.find(name) != std::string::npos ? make() : Node{};
+  }
   for (const auto& [parameter, value] : parameters) {
     checkParameterName(parameter, reader.keyPath("parameters") + "/" + parameter, context);
     variables.symbols[parameter] = graph.constant(value);
@@ -163,10 +169,15 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
   Node formula;
   try {
     const NameExplainer explain = [&](const std::string& unknown) {
-      if (context.symbols().of_elements->count(unknown) != 0 && kind != FormulaKind::kOutput) {
+      if (context.symbols().of_elements->count(unknown) != 0) {
+        if (kind == FormulaKind::kOutput) {
+          return std::string(
+              "outputs are read by other outputs only, by those behind them in the list");
+        }
         return std::string(
-            "rate, when, set and outputs may read the torques and powers of elements, but laws may "
-            "not, from which these follow");
+            "rate, when, set and outputs may read what elements and reactions do, but laws may "
+            "not, "
+            "from which it follows");
       }
       return explainName(unknown, context.shaftNames(), kind);
     };

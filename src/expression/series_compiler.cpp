@@ -15,8 +15,12 @@ void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<N
   if (order > made_.order()) throw std::invalid_argument("an order beyond the rows");
   for (const int slot : slots) {
     const bool is_acceleration = sourceOf(slot) == Source::kAcceleration;
-    // Multipliers, in the slots of jerks, are found with the accelerations.
-    const bool is_accelerated = is_acceleration || sourceOf(slot) == Source::kJerk;
+    // Multipliers, in the slots of jerks and of elements that hold, are found with the
+    // accelerations.
+    const bool is_multiplier = sourceOf(slot) == Source::kJerk ||
+                               (sourceOf(slot) == Source::kHeld &&
+                                indexOf(slot) < heldSlot(HeldValue::kMultiplier, kMaxHolds));
+    const bool is_accelerated = is_acceleration || is_multiplier;
     const int degree = slot == slotOf(Source::kTime) ? 1 : SeriesProgram::kNoDegree;
     row_of_slot_[slot] = addRow(degree, is_accelerated);
     made_.variables_.push_back(row_of_slot_[slot]);

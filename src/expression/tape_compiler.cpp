@@ -80,7 +80,7 @@ class TapeBuilder {
       ++readers_[i];  // never freed: filled in once
       return;
     }
-    if (it.slot < 0 || sourceOf(it.slot) >= Source::kJerk) {
+    if (it.slot < 0 || sourceOf(it.slot) == Source::kJerk) {
       throw std::invalid_argument("a tape reads only what a StateView holds");
     }
     tape_.loads_.push_back({to, toField(indexOf(it.slot)), sourceOf(it.slot)});

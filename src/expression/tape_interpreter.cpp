@@ -64,8 +64,9 @@ void Tape::carryOut(const Call& call) const {
 const double* Tape::evaluate(const StateView& state) const {
   double* const r = registers_.data();
   const double* const sources[] = {
-      &state.time, state.angle,      state.velocity,         state.acceleration,
-      state.input, state.input_rate, state.input_second_rate};
+      &state.time,      state.angle,      state.velocity,          state.acceleration,
+      state.input,      state.input_rate, state.input_second_rate, nullptr,
+      state.held_values};
   for (const Load& it : loads_) r[it.to] = sources[static_cast<int>(it.source)][it.index];
   for (const Instruction& it : program_) {
     const double a = r[it.operands[0]];

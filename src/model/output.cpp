@@ -9,10 +9,12 @@ Output::Output(ComponentContext& context) : name_(context.name()) {
   expression::Graph& graph = *context.graph();
   ParameterReader& reader = context.parameters();
   reader.allow("unit");
-  node_ = readFormula(context, "expression", expression::FormulaKind::kOutput, graph);
+  value_ = readFormula(context, "expression", expression::FormulaKind::kOutput, graph);
+  node_ = value_;
   if (reader.has("unit")) {
     unit_ = reader.text("unit");
     const Unit unit = requireUnit(unit_, reader.keyPath("unit"));
+    if (unit.zero != 0.0) node_ = graph.subtract(node_, graph.constant(unit.zero));
     node_ = graph.divide(graph.multiply(node_, graph.constant(unit.denominator)),
                          graph.constant(unit.numerator));
   }

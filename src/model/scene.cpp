@@ -17,6 +17,7 @@
 #include "model/scene_names.h"
 #include "model/scene_parts.h"
 #include "model/scene_symbols.h"
+#include "variator_sim/expression/parser.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
@@ -447,8 +448,11 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
       ComponentContext context(name, reader, scene.shafts, scene.inputs, observed, scene.graph);
       scene.outputs.emplace_back(context);
       reader.finish();
+      if (expression::describeTakenName(name, scene.shafts).empty())
+        scene.symbols.values.emplace(name, scene.outputs.back().value());
     });
   }
+  scene.symbols.observed.clear();
   faults.collect([&] { checkTopics(scene, node.topics); });
   faults.collect([&] { checkEdges(scene); });
   faults.tell();

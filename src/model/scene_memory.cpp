@@ -5,6 +5,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "model/scene_observers.h"
 #include "model/scene_symbols.h"
 #include "variator_sim/expression/guards.h"
 #include "variator_sim/expression/parser.h"
@@ -163,45 +164,58 @@ bool isController(const std::string& name, ParameterReader& root) {
   return true;
 }
 
-void nameElementValues(Scene* scene) {
-  Graph& graph = *scene->graph;
-  SceneSymbols& symbols = scene->symbols;
-  // (An input that has such a name keeps it.)
-  const auto add = [&](const std::string& name, Node value) {
-    symbols.of_elements->insert(name);
-    if (symbols.inputs.count(name) == 0 && symbols.played.count(name) == 0)
-      symbols.values.emplace(name, value);
-  };
-  const auto add_outputs = [&add](const auto& element) {
-    const NamedOutputs& outputs = element.outputs();
-    for (std::size_t i = 0; i < outputs.names().size(); ++i) {
-      add(element.name() + "_" + outputs.names()[i], outputs.nodes()[i]);
-    }
-  };
-  for (const TorquePtr& torque : scene->torques) {
-    Node power = graph.constant(0.0);
-    for (const auto& [shaft, value] : torque->torques()) {
-      const Node velocity = graph.variable(slotOf(Source::kVelocity, shaft));
-      power = graph.add(power, graph.multiply(value, velocity));
-    }
-    if (!torque->torques().empty()) add(torque->name() + "_torque", torque->torques()[0].second);
-    add(torque->name() + "_power", power);
-    add_outputs(*torque);
-  }
-  for (const ConstraintPtr& constraint : scene->constraints) add_outputs(*constraint);
-}
-
 void readStates(ParameterReader& root, const SceneNames& names, Scene* scene) {
   for (const std::string& name : names.states) {
     if (isController(name, root)) continue;
     ParameterReader reader = root.section(name);
-    for (const char* key : {"rate", "initial", "parameters"}) reader.allow(key);
+    for (const char* key : {"rate", "initial", "trim", "parameters"}) reader.allow(key);
     ComponentContext context = contextOf(name, reader, scene);
     const int input = scene->symbols.inputs.at(name);
     SceneState& state = *std::find_if(scene->states.begin(), scene->states.end(),
                                       [&](const SceneState& it) { return it.input == input; });
     state.rate = readSwitching(context, "rate");
+    for (const SceneState& other : scene->states) {
+      if (!scene->graph->dependsOn(state.rate, slotOf(Source::kInputRate, other.input))) continue;
+      throw SceneError(reader.keyPath("rate"),
+                       "reads a jerk, a rate of reaction or a multiplier, which depends on the "
+                       "rate of the state " +
+                           inQuotes(scene->inputs[static_cast<std::size_t>(other.input)].name) +
+                           "; allowed in when, set and outputs");
+    }
     reader.finish();
+  }
+}
+
+/// Notes which states the motion, an event or another rate reads, and what trim does with each.
+void noteReaders(ParameterReader& root, const SceneNames& names, Scene* scene) {
+  for (SceneState& state : scene->states) {
+    const int slot = slotOf(Source::kInput, state.input);
+    const auto reads = [&](Node node) { return scene->graph->dependsOn(node, slot); };
+    const auto lawReads = [&](const auto& law) {
+      const std::vector<Holding>& holds = law->holdings();
+      const auto limitReads = [&](const std::optional<Expression>& it) {
+        return it && reads(it->in(*scene->graph));
+      };
+      return std::any_of(law->formulas().begin(), law->formulas().end(), reads) ||
+             std::any_of(holds.begin(), holds.end(), [&](const Holding& it) {
+               return limitReads(it.upper) || limitReads(it.lower) || limitReads(it.level) ||
+                      limitReads(it.gap);
+             });
+    };
+    const bool is_moving =
+        std::any_of(scene->torques.begin(), scene->torques.end(), lawReads) ||
+        std::any_of(scene->constraints.begin(), scene->constraints.end(), lawReads);
+    const bool rates_read = std::any_of(scene->states.begin(), scene->states.end(),
+                                        [&](const SceneState& it) { return reads(it.rate); });
+    state.is_read = is_moving || rates_read ||
+                    std::any_of(scene->events.begin(), scene->events.end(),
+                                [&](const SceneEvent& it) { return reads(it.when); });
+    state.trims_to_rest = is_moving || rates_read;
+    // (Those of a controller have no dictionary of their own.)
+    const std::string& name = scene->inputs[static_cast<std::size_t>(state.input)].name;
+    if (std::find(names.states.begin(), names.states.end(), name) == names.states.end()) continue;
+    ParameterReader reader = root.section(name);
+    if (reader.has("trim")) state.trims_to_rest = reader.choice("trim", {"rest", "free"}) == "rest";
   }
 }
 
@@ -263,6 +277,15 @@ void declareMemory(ParameterReader& root, const SceneNames& names, Scene* scene)
                                                  "formulas; choose another");
     }
   }
+  for (const std::string& name : names.torques) {
+    for (const char* of : {"_slip", "_mode"}) scene->symbols.of_elements->insert(name + of);
+  }
+  for (const std::string& name : names.constraints)
+    scene->symbols.of_elements->insert(name + "_multiplier");
+  for (const std::string& name : names.shafts) {
+    for (const char* of : {"R_", "Rr_"}) scene->symbols.of_elements->insert(of + name);
+  }
+  scene->symbols.of_elements->insert(names.outputs.begin(), names.outputs.end());
   for (const std::string& name : names.variables) {
     ParameterReader reader = root.section(name);
     declare(InputKind::kVariable, name, name, reader.number("initial", Range::any(), 0.0), scene);
@@ -289,9 +312,11 @@ void declareMemory(ParameterReader& root, const SceneNames& names, Scene* scene)
 void readMemory(ParameterReader& root, const SceneNames& names, Scene* scene) {
   if (scene->torques.size() != names.torques.size()) return;
   if (scene->constraints.size() != names.constraints.size()) return;
-  nameElementValues(scene);
+  nameObservers(scene, false);
   readStates(root, names, scene);
+  nameObservers(scene, true);
   readEvents(root, names, scene);
+  noteReaders(root, names, scene);
 }
 
 }  // namespace variator_sim

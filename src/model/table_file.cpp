@@ -2,14 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <sstream>
-#include <system_error>
 #include <utility>
 
 #include "io/text_file.h"
 #include "model/number_text.h"
+#include "model/ros_packages.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
@@ -21,45 +18,11 @@ bool isBlank(char c) {
 
 constexpr std::size_t kLongestFile = 1U << 26U;  // bytes: a device may have no end
 
-/// Returns the folder of a ROS package, "" if there is none: one of its name, with a package.xml,
-/// in or two levels below the folders in which ROS looks.
-std::filesystem::path findPackage(const std::string& package) {
-  namespace fs = std::filesystem;
-  const auto variable = [](const char* name) {
-    const char* const value = std::getenv(name);
-    return std::string(value != nullptr ? value : "") + ":";
-  };
-  std::stringstream roots(variable("ROS_PACKAGE_PATH") + variable("ROS_ROOT") + "/usr/share");
-  for (std::string root; std::getline(roots, root, ':');) {
-    std::error_code error;
-    std::vector<fs::path> folders = {root, fs::path(root) / package};
-    for (const auto& it : fs::directory_iterator(root, error))
-      folders.push_back(it.path() / package);
-    for (const fs::path& folder : folders) {
-      const bool is_it = folder.filename() == package && fs::exists(folder / "package.xml", error);
-      if (is_it) return folder;
-    }
-  }
-  return {};
-}
-
-std::string resolve(const std::string& name, const std::string& path) {
-  const std::string scheme = "package://";
-  if (name.rfind(scheme, 0) != 0) return name;
-  const std::size_t slash = std::min(name.find('/', scheme.size()), name.size());
-  const std::string package = name.substr(scheme.size(), slash - scheme.size());
-  const std::filesystem::path folder = findPackage(package);
-  if (!folder.empty() && slash < name.size()) return (folder / name.substr(slash + 1)).string();
-  throw SceneError(path, inQuotes(name) + ": there is no package " + inQuotes(package) +
-                             "; allowed: package://PACKAGE/PATH of a package in ROS_PACKAGE_PATH, "
-                             "or a path beside the scene");
-}
-
 }  // namespace
 
 TableFile::TableFile(const std::string& name, std::string path, std::vector<Column> columns)
     : path_(std::move(path)), columns_(std::move(columns)), numbers_(columns_.size()) {
-  const std::string file = resolve(name, path_);
+  const std::string file = filePathOf(name, path_);
   file_ = shownPath(file);
   const std::string failure = readTextFile(file, &text_, kLongestFile);
   if (!failure.empty()) {

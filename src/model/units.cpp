@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstring>
 #include <iterator>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "variator_sim/errors.h"
@@ -56,7 +58,23 @@ constexpr NamedUnit kUnits[] = {
     {"A", {1.0, 1.0, {{0, 0, 0, 1, 0, 0}}}, true},
     {"V", {1.0, 1.0, {{1, 2, -3, -1, 0, 0}}}, true},
     {"ohm", {1.0, 1.0, {{1, 2, -3, -2, 0, 0}}}, true},
-    {"K", {1.0, 1.0, {{0, 0, 0, 0, 1, 0}}}, true}};
+    {"K", {1.0, 1.0, {{0, 0, 0, 0, 1, 0}}}, true},
+    {"degC", {1.0, 1.0, {{0, 0, 0, 0, 1, 0}}, 273.15}, false}};
+
+/// Other ways to write the same, in UTF-8.
+constexpr std::pair<const char*, const char*> kSigns[] = {
+    {"\u00b0C", "degC"}, {"\u2103", "degC"}, {"\u00b0", "deg"}, {"\u00b5", "u"},
+    {"\u03bc", "u"},     {"\u00b2", "^2"},   {"\u00b3", "^3"},  {"\u00b7", "*"},
+    {"\u2126", "ohm"},   {"\u03a9", "ohm"}};
+
+std::string withoutSigns(std::string text) {
+  for (const auto& [sign, plain] : kSigns) {
+    for (std::size_t at = text.find(sign); at != text.npos; at = text.find(sign, at)) {
+      text.replace(at, std::strlen(sign), plain);
+    }
+  }
+  return text;
+}
 
 struct Prefix {
   char letter;
@@ -68,9 +86,9 @@ constexpr Prefix kPrefixes[] = {{'u', 1.0, 1e6}, {'m', 1.0, 1e3}, {'c', 1.0, 1e2
 
 /// Units that messages show, where they fit.
 constexpr const char* kUsual[] = {
-    "rpm", "deg/s", "deg", "rev", "km/h", "mph",  "kW",     "hp",      "kN m",  "ft lbf",
-    "kN",  "mm",    "cm",  "km",  "ms",   "min",  "h",      "g",       "t",     "N m/deg",
-    "mV",  "mohm",  "%",   "bar", "kHz",  "cm^2", "g cm^2", "deg/s^2", "rpm/s", "kW/s"};
+    "rpm",  "deg/s", "deg", "rev", "km/h", "mph",    "kW",      "hp",    "kN m",    "ft lbf", "kN",
+    "mm",   "cm",    "km",  "ms",  "min",  "h",      "g",       "t",     "N m/deg", "degC",   "mV",
+    "mohm", "%",     "bar", "kHz", "cm^2", "g cm^2", "deg/s^2", "rpm/s", "kW/s"};
 
 bool isUnitLetter(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '%';
@@ -116,7 +134,8 @@ bool readPower(const std::string& text, std::size_t* position, int* power) {
 
 }  // namespace
 
-std::optional<UnitText> readUnit(const std::string& text) {
+std::optional<UnitText> readUnit(const std::string& given) {
+  const std::string text = withoutSigns(given);
   constexpr std::size_t kLongest = 60;
   if (text.empty() || text.size() > kLongest) return {};
   UnitText read;
@@ -133,6 +152,7 @@ std::optional<UnitText> readUnit(const std::string& text) {
     if (!readPower(text, &position, &power)) return {};
     const std::optional<Unit> unit = is_one ? Unit() : findUnit(name);
     if (unit) multiply(*unit, divides ? -power : power, &read.unit);
+    if (unit && end == text.size() && end == name.size()) read.unit.zero = unit->zero;
     if (!unit && read.unknown.empty()) read.unknown = name;
     // A sign between two units, with blanks around it: a slash, an asterisk, or blanks alone.
     const std::size_t sign = std::min(text.find_first_not_of(' ', position), text.size());

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <sstream>
 
@@ -76,6 +77,7 @@ ErrorEstimate::ErrorEstimate(const Scene& scene)
 
 void ErrorEstimate::forget() {
   std::fill_n(largest_[0], 3 * kMaxShafts, 0.0);
+  std::fill_n(largest_state_, kMaxInputs, 0.0);
   is_grown_ = false;
   counts_differ_ = -1.0;
   doubt_ = {};
@@ -88,10 +90,10 @@ std::string ErrorEstimate::describe() const {
   return text.str();
 }
 
-bool ErrorEstimate::compare(const double* run, const double* companion, double* largest,
-                            double* error) {
+bool ErrorEstimate::compare(const double* run, const double* companion, std::size_t count,
+                            double* largest, double* error) {
   bool is_at_rounding = true;
-  for (int i = 0; i < companion_.scene().shaftCount(); ++i) {
+  for (std::size_t i = 0; i < count; ++i) {
     largest[i] = std::max(largest[i], std::abs(run[i]));
     const double difference = std::abs(run[i] - companion[i]);
     const double rounding = kRounding * largest[i];
@@ -116,18 +118,29 @@ void ErrorEstimate::judge(MotionBase& run, Sample* sample) {
     std::fill_n(sample->angle_error, kMaxShafts, kUnknown);
     std::fill_n(sample->velocity_error, kMaxShafts, kUnknown);
     std::fill_n(sample->acceleration_error, kMaxShafts, kUnknown);
+    std::fill_n(sample->state_error, kMaxInputs, kUnknown);
     return;
   }
   is_grown_ = false;
+  const std::size_t shafts = companion_.scene().shafts.size();
+  const std::size_t states = companion_.scene().states.size();
+  double of_run[kMaxInputs];
+  double of_companion[kMaxInputs];
+  run.quantities.calc(QuantityGroup::kStates, run.view(), of_run);
+  companion_.calcQuantities(QuantityGroup::kStates, of_companion);
   const bool are_at_rounding[] = {
-      compare(sample->angle, other.angle, largest_[0], sample->angle_error),
-      compare(sample->velocity, other.velocity, largest_[1], sample->velocity_error),
-      compare(sample->acceleration, other.acceleration, largest_[2], sample->acceleration_error)};
+      compare(sample->angle, other.angle, shafts, largest_[0], sample->angle_error),
+      compare(sample->velocity, other.velocity, shafts, largest_[1], sample->velocity_error),
+      compare(sample->acceleration, other.acceleration, shafts, largest_[2],
+              sample->acceleration_error),
+      compare(of_run, of_companion, states, largest_state_, sample->state_error)};
   if (is_grown_ && doubt_.grown < 0.0) doubt_.grown = sample->time;
   noteEdges(run);
   if (sample->time <= 0.0) return;  // both are the same at the start
   ++doubt_.samples;
-  if (!are_at_rounding[0] || !are_at_rounding[1] || !are_at_rounding[2]) return;
+  if (!std::all_of(std::begin(are_at_rounding), std::end(are_at_rounding),
+                   [](bool is) { return is; }))
+    return;
   if (doubt_.rounding_samples++ == 0) doubt_.rounding = sample->time;
 }
 

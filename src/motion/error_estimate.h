@@ -39,9 +39,10 @@ class ErrorEstimate {
   std::string describe() const;
 
  private:
-  /// Estimates the errors of a column; true when those of all shafts are at rounding. `largest`:
+  /// Estimates the errors of a column of `count` values; true when all are at rounding. `largest`:
   /// the largest magnitudes so far.
-  bool compare(const double* run, const double* companion, double* largest, double* error);
+  bool compare(const double* run, const double* companion, std::size_t count, double* largest,
+               double* error);
   /// Notes when the laws of both have jumped a different number of times.
   void noteEdges(MotionBase& run);
 
@@ -49,6 +50,7 @@ class ErrorEstimate {
   const double relative_;  // tolerances of the run
   const double absolute_;
   double largest_[3][kMaxShafts] = {};
+  double largest_state_[kMaxInputs] = {};
   bool is_grown_ = false;        // by the last sample
   double counts_differ_ = -1.0;  // start of the difference, s
   ErrorDoubt doubt_;

@@ -56,6 +56,11 @@ ParameterTree toTree(const MotionState::History& history, const Scene& scene) {
     holding[names[h]] = listOf(values, 6);
   }
   if (!names.empty()) tree["holding"] = ParameterTree::dictionary(std::move(holding));
+  ParameterTree::Dictionary armed;
+  for (std::size_t e = 0; e < scene.events.size(); ++e) {
+    armed[scene.events[e].name] = ParameterTree::integer(history.armed[e]);
+  }
+  if (!armed.empty()) tree["events"] = ParameterTree::dictionary(std::move(armed));
   if (history.kept_reaction.exists) {
     ParameterTree::List free;
     for (int i = 0; i < S; ++i) {
@@ -141,6 +146,12 @@ MotionState::History readHistory(ParameterReader& root, const Scene& scene) {
     readList(reader, "multipliers", scene.constraintCount(), history.multiplier);
   }
   readHolding(reader, scene, history.held);
+  if (!scene.events.empty()) {
+    ParameterReader events = reader.section("events");
+    for (std::size_t e = 0; e < scene.events.size(); ++e)
+      history.armed[e] = events.integer(scene.events[e].name, -1, 1);
+    events.finish();
+  }
   history.kept_reaction = readKeptReaction(reader, scene);
   reader.finish();
   return history;

@@ -342,6 +342,12 @@ void ProgramMotion::takeSample(Sample* sample) {
     held = {from.mode, from.torque, from.slip, from.reserve, from.heat, {}};
     std::copy_n(on_shaft + h * scene.shaftCount(), scene.shaftCount(), held.on_shaft);
     input_value_[kMaxInputs + h] = from.side;
+    const auto valueOf = [&](expression::HeldValue value) -> double& {
+      return held_value_[expression::heldSlot(value, h)];
+    };
+    valueOf(expression::HeldValue::kMultiplier) = from.multiplier;
+    valueOf(expression::HeldValue::kMode) = from.mode;
+    valueOf(expression::HeldValue::kCounts) = from.counts;
   }
   if (status == SCENE_OK || !this->status().ok()) return;
   if (motion_ == nullptr) {
@@ -368,7 +374,8 @@ StateView ProgramMotion::view() {
     if (kind != InputKind::kCommanded) input_value_[i] = seen_input_[i];
   }
   return {time,         now.angle,   now.velocity,       now.acceleration,
-          input_value_, input_rate_, input_second_rate_, program_->HOLDS > 0 ? held_ : nullptr};
+          input_value_, input_rate_, input_second_rate_, program_->HOLDS > 0 ? held_ : nullptr,
+          held_value_};
 }
 
 Energy ProgramMotion::calcEnergy() {

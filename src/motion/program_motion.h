@@ -200,11 +200,12 @@ class ProgramMotion final : public MotionBase {
   double input_value_[kMaxInputs + kMaxHolds] = {};  ///< and sides of elements that hold
   double input_rate_[kMaxInputs + kMaxHolds] = {};
   double input_second_rate_[kMaxInputs + kMaxHolds] = {};
-  HeldElement held_[kMaxHolds];    ///< of the sample
-  std::vector<ModeEvent> events_;  ///< a ring
-  std::size_t first_event_ = 0;    ///< number of the first that waits
-  std::size_t event_count_ = 0;    ///< number of the next one
-  std::size_t last_events_ = 0;    ///< of these the last step has made
+  HeldElement held_[kMaxHolds];            ///< of the sample
+  double held_value_[3 * kMaxHolds] = {};  ///< likewise, for formulas
+  std::vector<ModeEvent> events_;          ///< a ring
+  std::size_t first_event_ = 0;            ///< number of the first that waits
+  std::size_t event_count_ = 0;            ///< number of the next one
+  std::size_t last_events_ = 0;            ///< of these the last step has made
 
   bool is_energy_tracked_ = false;
   double start_kinetic_ = 0.0;   ///< J

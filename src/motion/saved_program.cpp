@@ -24,6 +24,7 @@ bool ProgramMotion::saveState(MotionState* state) {
   state->history.has_multipliers = true;
   std::copy_n(multiplier_, scene.constraintCount(), state->history.multiplier);
   saveHeld(state->history.held);
+  std::copy_n(armed_, kMaxEvents, state->history.armed);
   state->history.kept_reaction.exists = true;
   std::copy_n(reaction_, S, state->history.kept_reaction.value);
   state->history.energy.start_kinetic = start_kinetic_;
@@ -68,7 +69,7 @@ scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
   std::copy_n(state.history.multiplier, scene.constraintCount(), multiplier_);
   restoreHeld(state.history.held);
   std::copy_n(state.history.kept_reaction.value, S, reaction_);
-  std::fill_n(armed_, kMaxEvents, 0);
+  std::copy_n(state.history.armed, kMaxEvents, armed_);
   it_.time = time;
   it_.time_rest = 0.0;
   it_.are_given = state.is_acceleration_given ? 1 : 0;

@@ -41,8 +41,12 @@ std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
   const auto* const program = dynamic_cast<const ProgramMotion*>(like);
   if (needsProgram(scene)) {
     refuseOtherSteppers(scene);
-    auto its_program = std::make_shared<const MotionProgram>(scene);
-    its_program->requireSteps();
+    auto its_program = orRefuse(
+        "cannot be stepped by power series, as states, events and elements that hold are", [&] {
+          auto made = std::make_shared<const MotionProgram>(scene);
+          made->requireSteps();
+          return made;
+        });
     return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), nullptr,
                                            program);
   }

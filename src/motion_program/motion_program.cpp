@@ -90,7 +90,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   try {
     return {*scene.graph, trial, others, listSlots(scene), SCENE_ORDER};
   } catch (const std::invalid_argument& error) {
-    throw SceneError("", std::string("cannot be written as C: its formulas have ") + error.what());
+    throw SceneError("", std::string("its formulas have ") + error.what());
   }
 }
 
@@ -108,9 +108,23 @@ std::vector<int> MotionProgram::listSlots(const Scene& scene) {
   for (int n = 0; n < rows + scene.shaftCount() + transmitted; ++n) {
     made.push_back(slotOf(Source::kJerk, n));
   }
+  const auto heldOf = [](expression::HeldValue value, int hold) {
+    return slotOf(Source::kHeld, expression::heldSlot(value, hold));
+  };
+  // (Those of elements that hold stand where the last rows transmit.)
+  const std::size_t first_held =
+      1 + 3 * scene.shafts.size() + static_cast<std::size_t>(scene.constraintCount()) +
+      (transmitted > 0 ? scene.shafts.size() + static_cast<std::size_t>(rows) : 0);
+  int hold = 0;
   for (const SceneHold& it : formulas_.holds) {
+    made[first_held + static_cast<std::size_t>(hold)] =
+        heldOf(expression::HeldValue::kMultiplier, hold);
     side_row.values.push_back(static_cast<int>(made.size()));
     made.push_back(scene.graph->entry(it.side).slot);
+    mode_row.values.push_back(static_cast<int>(made.size()));
+    made.push_back(heldOf(expression::HeldValue::kMode, hold));
+    counts_row.values.push_back(static_cast<int>(made.size()));
+    made.push_back(heldOf(expression::HeldValue::kCounts, hold++));
   }
   STATE = static_cast<int>(made.size());
   const auto addRow = [&](Source source, int n, int rate) {
@@ -340,7 +354,10 @@ void MotionProgram::setMemory(const Scene& scene) {
     if (it.kind == InputKind::kVariable) variable_input.values.push_back(count);
     ++count;
   }
-  for (const SceneState& it : scene.states) state_input.values.push_back(it.input);
+  for (const SceneState& it : scene.states) {
+    state_input.values.push_back(it.input);
+    state_is_read.values.push_back(it.is_read ? 1 : 0);
+  }
   rate_row = rowsOf(formulas_.rate);
   set_row = rowsOf(formulas_.set);
   for (const SceneEvent& it : scene.events) {

@@ -12,6 +12,16 @@
 
 namespace variator_sim {
 
+/// Returns what `make` returns; the SceneErrors of a MotionProgram in it begin with `fault`.
+template <class Make>
+auto orRefuse(const std::string& fault, Make make) {
+  try {
+    return make();
+  } catch (const SceneError& error) {
+    throw SceneError(error.keyPath(), fault + ": " + error.message());
+  }
+}
+
 class MotionProgram : public MotionData {
  public:
   /// `shown`: further formulas, with a row at order 0. Throws SceneError, with the element and the

@@ -20,13 +20,14 @@ namespace {
 template <class Law>
 void refuseOpaque(const Law& law) {
   if (!law.callsOpaqueFunction()) return;
-  throw SceneError(law.name(),
-                   "cannot be written as C: it calls a function of its plugin, which cannot be "
-                   "seen into; allowed: formulas without an OpaqueFunction");
+  throw SceneError(
+      law.name(),
+      "it calls a function of its plugin, which cannot be seen into; allowed: formulas "
+      "without an OpaqueFunction");
 }
 
 void refuse(SceneFormulas& made, const std::string& name, const std::string& reason) {
-  if (!made.no_steps) made.no_steps = SceneError(name, "cannot be written as C: " + reason);
+  if (!made.no_steps) made.no_steps = SceneError(name, reason);
 }
 
 void addGeneralInertia(const Scene& scene, SceneFormulas& made) {
@@ -75,7 +76,7 @@ void addConstraint(const Scene& scene, const ConstraintPtr& constraint, SceneFor
   if (!constraint->kinks().empty()) {
     refuse(made, name,
            "abs, min or max of accelerations bends it, and where its corners lead is not "
-           "known to the emitted program; allowed: a formula that is smooth in the "
+           "known to a program of its own; allowed: a formula that is smooth in the "
            "accelerations, sqrt(x^2+1e-6) for abs(x)");
   }
   made.residual.push_back(residualOf(*constraint));

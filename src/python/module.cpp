@@ -12,6 +12,7 @@
 #include <tuple>
 #include <vector>
 
+#include "model/ros_packages.h"
 #include "python/analysis.h"
 #include "python/fast_calls.h"
 #include "python/python_simulation.h"
@@ -245,6 +246,7 @@ PYBIND11_MODULE(_core, module) {
     }
     return text;
   });
+  module.def("_file_path", [](const std::string& name) { return filePathOf(name, "file"); });
   module.def("read_commands", [](const py::object& path) {
     std::vector<python::CommandTuple> commands;
     for (const TimedCommand& command : readCommandFile(python::readPath(path))) {

@@ -21,15 +21,22 @@
 
 namespace variator_sim::python {
 
+/// The files of parts are sought from the working folder.
+inline ParameterTree withParts(ParameterTree tree) {
+  loadParts(&tree);
+  return tree;
+}
+
 inline ParameterTree readSceneArgument(const py::object& scene) {
-  if (py::isinstance<py::dict>(scene)) return toTree(scene, "");
+  if (py::isinstance<py::dict>(scene)) return withParts(toTree(scene, ""));
   const py::object path = py::module::import("os").attr("fspath")(scene);
   const auto has = [&](const char* method, const char* part) {
     return py::isinstance<py::str>(path) && path.attr(method)(part).cast<bool>();
   };
   // File names have no line breaks, and a mapping in one line begins with its brace.
   const bool is_text = has("__contains__", "\n") || has("startswith", "{");
-  return is_text ? readYamlText(toText(path, ""), "scene") : readYamlFile(readPath(path));
+  return is_text ? withParts(readYamlText(toText(path, ""), "scene"))
+                 : readYamlFile(readPath(path));
 }
 
 inline Overrides readOverrides(const py::object& overrides) {

@@ -41,7 +41,8 @@ constexpr char kUsage[] =
     "services          ~pause, ~resume, ~reset, ~reset_time, ~step, ~get_state, ~set_state,\n"
     "                  ~set_parameters\n"
     "parameters        the scene, and tick_rate, publish_rate, real_time_factor, start_paused,\n"
-    "                  publish_clock, realtime_priority, lock_memory, estimate_error, overrides\n"
+    "                  publish_clock, realtime_priority, lock_memory, estimate_error, overrides,\n"
+    "                  scene_folder\n"
     "\n"
     "Exit status: 0 after a shutdown, 2 for a bad scene, parameter or argument.\n"
     "Without a master: rosrun variator_sim simulate --help\n";

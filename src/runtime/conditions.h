@@ -159,13 +159,6 @@ VS_FUNCTION_RARE int vs_side_of(int mode) {
   return mode > 0 ? 1 : -1;
 }
 
-/* The mode as a user sees it: of losses 1 where the first shaft drives, -1 where the second does.
- */
-VS_FUNCTION_RARE int vs_told_mode(const scene_series* it, int h, int mode) {
-  if (!vs_is_loss(it, h) || mode == VS_STUCK || mode == VS_FREE) return mode;
-  return mode == vs_side_of(mode) ? 1 : -1;
-}
-
 /* Condition k of the present mode of element h, without the coefficients at its begin that are
  * rounding. False where the mode has no such condition. */
 VS_FUNCTION_RARE int vs_condition(const scene_model* m, const scene_series* it, int h, int k,

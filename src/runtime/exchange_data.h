@@ -51,8 +51,8 @@ typedef struct {
 
 /* An element that holds, at an instant (scene_sample). */
 typedef struct {
-  int mode;
-  double side, torque, slip, reserve, heat;
+  int mode, counts;
+  double side, multiplier, torque, slip, reserve, heat;
 } vs_seen_hold;
 
 /* The quantities of one instant that a host asks for. */

@@ -88,14 +88,16 @@ VS_FUNCTION void vs_host_leave(vs_host* h, vs_exchange* to) {
   to->usual = m->usual;
 }
 
-/* True when no angle and no velocity leaves the tolerance around its value in the last step. */
+/* True when no angle, no velocity and no state that something reads leaves the tolerance around its
+ * value in the last step. */
 VS_FUNCTION int vs_host_is_still(const vs_host* h) {
   const scene_series* const it = &h->model.series[h->taken];
   const double theta = h->made / it->unit;
   int c, n;
-  for (c = 0; c < 2 * S; ++c) {
-    const double* const x = it->row[ANGLE + c];
+  for (c = 0; c < 2 * S + STATES; ++c) {
+    const double* const x = it->row[c < 2 * S ? ANGLE + c : STATE + c - 2 * S];
     double power = theta, sum = 0.0;
+    if (c >= 2 * S && !state_is_read[c - 2 * S]) continue;
     for (n = 1; n <= it->order; ++n, power *= theta) sum += fabs(x[n]) * power;
     if (!(sum <= vs_tolerance(it, x[0]))) return 0;
   }
@@ -224,8 +226,10 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
   }
   for (p = 0; p < HOLDS; ++p) {
     vs_seen_hold* const held = to->hold + p;
-    held->mode = vs_told_mode(it, p, m->now.mode[p]);
+    held->mode = vs_told_mode(p, m->now.mode[p]);
+    held->counts = m->now.counts[p];
     held->side = m->now.side[p];
+    held->multiplier = m->now.multiplier[CONSTRAINTS + p];
     held->torque = vs_transmits(m, it, p);
     held->slip = it->row[slip_row[p]][0];
     held->reserve = vs_reserve(m, it, p);

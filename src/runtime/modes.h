@@ -239,8 +239,8 @@ VS_FUNCTION_RARE void vs_note_events(scene_model* m, const scene_series* it, con
   int h;
   for (h = 0; h < HOLDS; ++h) {
     scene_event* const event = &m->event_of[m->events % SCENE_MOST_EVENTS];
-    event->from = vs_told_mode(it, h, before[h]);
-    event->to = vs_told_mode(it, h, m->now.mode[h]);
+    event->from = vs_told_mode(h, before[h]);
+    event->to = vs_told_mode(h, m->now.mode[h]);
     if (event->to == event->from && impulse[h] == 0.0) continue;
     event->time = m->now.time;
     event->element = h;

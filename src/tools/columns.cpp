@@ -74,7 +74,11 @@ std::vector<std::string> columnNames(const Simulation& simulation, const ColumnG
     // group.
     const bool is_unique = group == QuantityGroup::kElements || group == QuantityGroup::kPrinciple;
     const std::string prefix = is_unique ? "" : std::string(toString(group)) + "/";
-    for (const std::string& name : simulation.quantityNames(group)) names.push_back(prefix + name);
+    for (const std::string& name : simulation.quantityNames(group)) {
+      names.push_back(prefix + name);
+      if (groups.errors && group == QuantityGroup::kStates)
+        names.push_back(names.back() + "/estimated_error");
+    }
   }
   if (groups.energy)
     names.insert(names.end(), std::begin(kEnergyColumns), std::end(kEnergyColumns));
@@ -98,7 +102,12 @@ RowMaker::RowMaker(const Simulation& simulation, const ColumnGroups& groups)
       constraint_count_(simulation.scene().constraintCount()),
       column_count_(columnNames(simulation, groups).size()) {
   for (const QuantityGroup group : groups.quantities) {
-    quantity_count_ += simulation.quantityNames(group).size();
+    const std::size_t count = simulation.quantityNames(group).size();
+    if (group == QuantityGroup::kStates && groups.errors) {
+      first_state_ = quantity_count_;
+      state_count_ = count;
+    }
+    quantity_count_ += count;
   }
 }
 
@@ -123,7 +132,13 @@ void RowMaker::write(const Sample& sample, const double* quantities, double* row
       *row++ = sample.multiplier[i];
     }
   }
-  row = std::copy_n(quantities, quantity_count_, row);
+  row = std::copy_n(quantities, first_state_, row);
+  for (std::size_t i = 0; i < state_count_; ++i) {
+    *row++ = quantities[first_state_ + i];
+    *row++ = sample.state_error[i];
+  }
+  const std::size_t told = first_state_ + state_count_;
+  row = std::copy_n(quantities + told, quantity_count_ - told, row);
   if (has_energy_) {
     const Energy& energy = sample.energy;
     for (const double value : {energy.kinetic, energy.applied, energy.reactions,

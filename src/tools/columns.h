@@ -46,6 +46,8 @@ class RowMaker {
   int shaft_count_;
   int constraint_count_;
   std::size_t quantity_count_ = 0;
+  std::size_t first_state_ = 0;  ///< of the quantities with errors
+  std::size_t state_count_ = 0;
   std::size_t column_count_ = 1;
 };
 

@@ -75,8 +75,8 @@ const char* const scene_state_name[] = {""};
 const char* const scene_variable_name[] = {""};
 static const int input_row[] = {10}, input_of_row[] = {0}, input_rate_of_row[] = {0};
 static const int hold_of[] = {1}, falls_to_zero[] = {0};
-static const int takes_commands[] = {1}, state_input[] = {0}, rate_row[] = {0},
-                 variable_input[] = {0};
+static const int takes_commands[] = {1}, state_input[] = {0}, state_is_read[] = {0},
+                 rate_row[] = {0}, variable_input[] = {0};
 static const int event_direction[] = {0}, set_begin[] = {0}, set_input[] = {0}, set_row[] = {0};
 static const double parameter_of[] = {0.5}, initial_input[] = {0.0}, minimum_of[] = {-1.0},
                     maximum_of[] = {1.0}, timeout_of[] = {0.0};
@@ -98,10 +98,11 @@ static const double* const passage_points[] = {0};
 static const int constant_row[] = {16, 17, 18, 19};
 static const double constant_value[] = {0.0, 1.0, -2.0, 1e-9};
 enum { WATCHED = 0 };
-static const int watched_row[] = {0}, side_row[] = {0}, slip_row[] = {0}, slide_row[] = {0},
-                 heat_row[] = {0}, upper_row[] = {0}, lower_row[] = {0}, level_row[] = {0},
-                 gap_row[] = {0}, has_upper[] = {0}, has_lower[] = {0}, has_level[] = {0},
-                 has_gap[] = {0}, slides_backward[] = {0}, begins_in[] = {0};
+static const int watched_row[] = {0}, side_row[] = {0}, mode_row[] = {0}, counts_row[] = {0},
+                 slip_row[] = {0}, slide_row[] = {0}, heat_row[] = {0}, upper_row[] = {0},
+                 lower_row[] = {0}, level_row[] = {0}, gap_row[] = {0}, has_upper[] = {0},
+                 has_lower[] = {0}, has_level[] = {0}, has_gap[] = {0}, slides_backward[] = {0},
+                 begins_in[] = {0};
 static const double restitution[] = {0.0}, closes_below[] = {0.0};
 #define VS_EACH_ORDER(X) \
   X(1) X(2) X(3) X(4) X(5) X(6) X(7) X(8) X(9) X(10) X(11) X(12) X(13) X(14) X(15) X(16) X(17) X(18)

@@ -20,8 +20,20 @@ enum class Source : std::uint8_t {
   kInput,
   kInputRate,
   kInputSecondRate,
-  kJerk  ///< for derivations only: a StateView holds none, a Tape refuses it
+  kJerk,  ///< for derivations only: a StateView holds none, a Tape refuses it
+  kHeld   ///< of elements that hold, for observers only: heldSlot
 };
+
+/// The values of an element that holds.
+enum class HeldValue {
+  kMultiplier,  ///< lambda of the reaction C' lambda that it is stuck with, N m; else 0
+  kMode,        ///< -1, 0, 1 or 2, as HeldElement has it
+  kCounts       ///< 1 while it is stuck and others do not imply its row, else 0
+};
+/// Returns the index of Source::kHeld for a value of element `hold`.
+constexpr int heldSlot(HeldValue value, int hold) {
+  return static_cast<int>(value) * kMaxHolds + hold;
+}
 
 /// Returns the slot, for Graph::variable, of element `index` (0 for time) of a source.
 constexpr int slotOf(Source source, int index = 0) {

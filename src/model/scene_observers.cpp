@@ -1,0 +1,314 @@
+#include "model/scene_observers.h"
+
+#include <algorithm>
+#include <functional>
+#include <memory>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "model/formula_laws.h"
+#include "variator_sim/expression/state_derivatives.h"
+
+namespace variator_sim {
+namespace {
+
+using expression::Graph;
+using expression::heldSlot;
+using expression::HeldValue;
+using expression::Node;
+using expression::slotOf;
+using expression::Source;
+
+std::size_t at(int i) {
+  return static_cast<std::size_t>(i);
+}
+
+using Vector = std::vector<Expression>;
+
+/// A row of C j = -c0, of a constraint or of an element that holds.
+struct Row {
+  Vector C;
+  Vector D;
+  Expression c0;
+  Expression counts;  ///< 1 while the row is on, else 0
+};
+
+/// Reactions, their rates, multipliers and jerks as formulas of t, phi, omega, epsilon. With
+/// R = J epsilon + n - Q, and R' = J j + rest, where `rest` has no jerk,
+///     generalized_gauss   J j - C' Lambda  = -rest + 1/2 J' omega J^-1 R,        C j = -c0
+///     gauss               J x - D' lambda  = Q - n,                               C x = C epsilon
+///                         (J - lambda dD/depsilon) j - D' lambda' = -rest + D'' lambda,  C j = -c0
+/// where D'' stands for the rate of D' with constant accelerations.
+class Reactions {
+ public:
+  Reactions(Scene* scene, bool knows_rates)
+      : scene_(*scene),
+        graph_(*scene->graph),
+        knows_rates_(knows_rates),
+        shafts_(scene->shaftCount()) {
+    std::set<int> inputs;
+    for (int i = 0; i < scene_.inputCount(); ++i) inputs.insert(i);
+    rates_ = expression::ratesOf(graph_, shafts_, inputs);
+  }
+
+  Node reaction(int i) {
+    collect("R_" + scene_.shafts[at(i)]);
+    return reaction_[at(i)].in(graph_);
+  }
+  Node reactionRate(int i) {
+    const Vector& x = jerks("Rr_" + scene_.shafts[at(i)]);
+    Expression sum = rate(reaction_[at(i)]);
+    for (int j = 0; j < shafts_; ++j) sum += inertia_[at(shafts_ * i + j)] * x[at(j)];
+    return withRates(sum);
+  }
+  Node jerk(int i) { return withRates(jerks("j_" + scene_.shafts[at(i)])[at(i)]); }
+  Node multiplier(int m) {
+    const std::string name = scene_.constraints[at(m)]->name() + "_multiplier";
+    return withRates((isClassical() ? multipliers(name) : jerks(name))[at(shafts_ + m)]);
+  }
+
+ private:
+  bool isClassical() const { return scene_.principle == Principle::kGauss; }
+  Expression of(Node node) { return {graph_, node}; }
+  Expression variable(Source source, int i) { return of(graph_.variable(slotOf(source, i))); }
+  Expression by(const Expression& of, Source source, int i) {
+    return {graph_, graph_.differentiate(of.in(graph_), slotOf(source, i))};
+  }
+  /// Returns the derivative by time without accelerations' rates.
+  Expression rate(const Expression& it) {
+    return of(graph_.totalDerivative(it.in(graph_), rates_));
+  }
+
+  /// Makes J, n - Q, R and the rows. Throws SceneError for what `name` cannot be told of.
+  void collect(const std::string& name) {
+    for (const ConstraintPtr& it : scene_.constraints) {
+      if (it->holdings().empty()) continue;
+      throw SceneError(name, "is not known beside the losses of " + inQuotes(it->name()) +
+                                 "; the columns reaction_torque, reaction_torque_rate and "
+                                 "multiplier tell it");
+    }
+    if (!reaction_.empty()) return;
+    const std::vector<Node> torque = sumTorques(scene_, &Torque::torques);
+    for (int i = 0; i < shafts_; ++i) {
+      for (int j = 0; j < shafts_; ++j) {
+        const Node mean = graph_.constant(scene_.inertia(i, j));
+        inertia_.push_back(of(i == j ? addHarmonics(graph_, scene_, i, mean) : mean));
+      }
+      connection_.push_back(of(connectionOf(graph_, inertia_[at(shafts_ * i + i)].in(graph_), i)));
+      given_.push_back(connection_.back() * variable(Source::kVelocity, i) - of(torque[at(i)]));
+      reaction_.push_back(given_.back());
+      for (int j = 0; j < shafts_; ++j)
+        reaction_.back() += inertia_[at(shafts_ * i + j)] * variable(Source::kAcceleration, j);
+    }
+    const auto all = [this](auto begin, auto end) {
+      Vector made;
+      for (; begin != end; ++begin) made.push_back(of(*begin));
+      return made;
+    };
+    for (const ConstraintPtr& it : scene_.constraints) {
+      const Vector C = all(it->row().begin(), it->row().end() - 1);
+      const Vector D = all(it->direction().begin(), it->direction().end());
+      rows_.push_back({C, D.empty() ? C : D, of(it->row().back()), 1.0});
+    }
+    int held = 0;
+    for (const TorquePtr& element : scene_.torques) {
+      for (const Holding& it : element->holdings()) {
+        Vector C;
+        for (int i = 0; i < shafts_; ++i) C.push_back(by(it.slip, Source::kVelocity, i));
+        rows_.push_back({C, C, rate(rate(it.slip)),
+                         variable(Source::kHeld, heldSlot(HeldValue::kCounts, held++))});
+      }
+    }
+  }
+
+  /// Puts the rates of variables and, where they are known, of states in the place of input rates.
+  Node withRates(const Expression& it) {
+    std::vector<Graph::Rate> values;
+    for (const SceneState& state : scene_.states) {
+      if (knows_rates_) values.emplace_back(slotOf(Source::kInputRate, state.input), state.rate);
+    }
+    for (int i = 0; i < scene_.inputCount(); ++i) {
+      if (scene_.inputs[at(i)].kind == InputKind::kVariable)
+        values.emplace_back(slotOf(Source::kInputRate, i), graph_.constant(0.0));
+    }
+    return graph_.substitute(it.in(graph_), values);
+  }
+
+  /// Solves M x = b by elimination without pivots: those of J are positive, and those behind them
+  /// are of C J^-1 D'.
+  static Vector solve(Vector M, Vector b) {
+    const int n = static_cast<int>(b.size());
+    for (int p = 0; p < n; ++p) {
+      for (int i = p + 1; i < n; ++i) {
+        const Expression factor = M[at(n * i + p)] / M[at(n * p + p)];
+        for (int j = p + 1; j < n; ++j) M[at(n * i + j)] -= factor * M[at(n * p + j)];
+        b[at(i)] -= factor * b[at(p)];
+      }
+    }
+    for (int i = n - 1; i >= 0; --i) {
+      for (int j = i + 1; j < n; ++j) b[at(i)] -= M[at(n * i + j)] * b[at(j)];
+      b[at(i)] = b[at(i)] / M[at(n * i + i)];
+    }
+    return b;
+  }
+  /// Solves [J -D'; C 0] [x; mu] = [force; right]; of rows that are off mu = 0.
+  Vector solveRows(const Vector& inertia, Vector force, const Vector& right) {
+    const int n = shafts_ + static_cast<int>(rows_.size());
+    Vector M(at(n * n));
+    for (int i = 0; i < shafts_; ++i) {
+      std::copy_n(inertia.begin() + shafts_ * i, shafts_, M.begin() + n * i);
+    }
+    for (int m = shafts_; m < n; ++m) {
+      const Row& row = rows_[at(m - shafts_)];
+      for (int i = 0; i < shafts_; ++i) {
+        M[at(n * i + m)] = -row.D[at(i)];
+        M[at(n * m + i)] = row.counts * row.C[at(i)];
+      }
+      M[at(n * m + m)] = 1.0 - row.counts;
+      force.push_back(row.counts * right[at(m - shafts_)]);
+    }
+    return solve(std::move(M), std::move(force));
+  }
+
+  /// Returns x, lambda of gauss.
+  const Vector& multipliers(const std::string& name) {
+    collect(name);
+    if (!multipliers_.empty()) return multipliers_;
+    if (scene_.hasOrder3()) {
+      throw SceneError(name,
+                       "is not known under 'principle: gauss' beside a constraint of order 3; "
+                       "the column multiplier tells it");
+    }
+    Vector force;
+    Vector right(rows_.size());
+    for (int i = 0; i < shafts_; ++i) {
+      force.push_back(-given_[at(i)]);
+      for (std::size_t m = 0; m < rows_.size(); ++m)
+        right[m] += rows_[m].C[at(i)] * variable(Source::kAcceleration, i);
+    }
+    return multipliers_ = solveRows(inertia_, std::move(force), right);
+  }
+
+  /// Returns j, Lambda of generalized_gauss or lambda' of gauss.
+  const Vector& jerks(const std::string& name) {
+    collect(name);
+    if (!jerks_.empty()) return jerks_;
+    if (!isClassical() && !scene_.nameOfDirection().empty()) {
+      throw SceneError(name, "is not known beside " + inQuotes(scene_.nameOfDirection()) +
+                                 ", whose reaction is not along its gradient, under 'principle: "
+                                 "generalized_gauss'; the columns reaction_torque_rate and "
+                                 "multiplier tell it");
+    }
+    Vector force;
+    Vector right;
+    Vector matrix = inertia_;
+    for (const Row& row : rows_) right.push_back(-row.c0);
+    const Vector known = isClassical() ? multipliers(name) : solve(inertia_, reaction_);
+    for (int i = 0; i < shafts_; ++i) {
+      force.push_back(-rate(reaction_[at(i)]));
+      if (!isClassical()) force.back() += connection_[at(i)] * known[at(i)];  // J^-1 R
+      for (std::size_t m = 0; m < rows_.size() && isClassical(); ++m) {
+        const Expression& D = rows_[m].D[at(i)];
+        const Expression& lambda = known[at(shafts_) + m];
+        force.back() += rate(D) * lambda;
+        for (int j = 0; j < shafts_; ++j)
+          matrix[at(shafts_ * i + j)] -= lambda * by(D, Source::kAcceleration, j);
+      }
+    }
+    return jerks_ = solveRows(matrix, std::move(force), right);
+  }
+
+  const Scene& scene_;
+  Graph& graph_;
+  const bool knows_rates_;
+  const int shafts_;
+  std::vector<Graph::Rate> rates_;  ///< of all variables but accelerations
+  Vector inertia_;                  ///< J_ij
+  Vector connection_;               ///< 1/2 J_i' omega_i
+  Vector given_;                    ///< n - Q
+  Vector reaction_;                 ///< R
+  std::vector<Row> rows_;
+  Vector multipliers_;
+  Vector jerks_;
+};
+
+/// The torque of an element on a shaft, with that which its stuck parts hold with:
+///     Q_i + sum C_i lambda
+Node torqueOn(const Scene& scene, const Torque& element, int shaft, Node applied, int first_hold) {
+  Graph& graph = *scene.graph;
+  Node sum = applied;
+  for (const Holding& it : element.holdings()) {
+    const Node C = graph.differentiate(it.slip.in(graph), slotOf(Source::kVelocity, shaft));
+    const Node lambda =
+        graph.variable(slotOf(Source::kHeld, heldSlot(HeldValue::kMultiplier, first_hold++)));
+    sum = graph.add(sum, graph.multiply(C, lambda));
+  }
+  return sum;
+}
+
+}  // namespace
+
+void nameObservers(Scene* scene, bool knows_rates) {
+  SceneSymbols& symbols = scene->symbols;
+  Graph& graph = *scene->graph;
+  symbols.observed.clear();
+  // (An input that has such a name keeps it.)
+  const auto add = [&](const std::string& name, std::function<Node()> make) {
+    if (symbols.inputs.count(name) == 0 && symbols.played.count(name) == 0)
+      symbols.observed.emplace(name, std::move(make));
+  };
+  const auto addOutputs = [&](const auto& element) {
+    const NamedOutputs& outputs = element.outputs();
+    for (std::size_t i = 0; i < outputs.names().size(); ++i) {
+      add(element.name() + "_" + outputs.names()[i], [node = outputs.nodes()[i]] { return node; });
+    }
+  };
+  int held = 0;
+  const auto addHolds = [&](const Law& element) {
+    for (const Holding& it : element.holdings()) {
+      std::string name = element.nameOf(it);
+      std::replace(name.begin(), name.end(), '/', '_');
+      const Node slip = it.slip.in(graph);
+      const int slot = slotOf(Source::kHeld, heldSlot(HeldValue::kMode, held++));
+      add(name + "_slip", [slip] { return slip; });
+      add(name + "_mode", [&graph, slot] { return graph.variable(slot); });
+    }
+  };
+  for (const TorquePtr& torque : scene->torques) {
+    addOutputs(*torque);
+    const int first = held;
+    const Torque* const it = torque.get();
+    addHolds(*it);
+    add(it->name() + "_power", [scene, it, first] {
+      Node power = scene->graph->constant(0.0);
+      for (const auto& [shaft, value] : it->torques()) {
+        const Node velocity = scene->graph->variable(slotOf(Source::kVelocity, shaft));
+        const Node whole = torqueOn(*scene, *it, shaft, value, first);
+        power = scene->graph->add(power, scene->graph->multiply(whole, velocity));
+      }
+      return power;
+    });
+    if (it->torques().empty()) continue;
+    add(it->name() + "_torque", [scene, it, first] {
+      const auto& [shaft, value] = it->torques()[0];
+      return torqueOn(*scene, *it, shaft, value, first);
+    });
+  }
+  const auto reactions = std::make_shared<Reactions>(scene, knows_rates);
+  for (int m = 0; m < scene->constraintCount(); ++m) {
+    const Constraint& constraint = *scene->constraints[at(m)];
+    addOutputs(constraint);
+    addHolds(constraint);
+    add(constraint.name() + "_multiplier", [reactions, m] { return reactions->multiplier(m); });
+  }
+  for (int i = 0; i < scene->shaftCount(); ++i) {
+    const std::string& shaft = scene->shafts[at(i)];
+    add("R_" + shaft, [reactions, i] { return reactions->reaction(i); });
+    add("Rr_" + shaft, [reactions, i] { return reactions->reactionRate(i); });
+    add("j_" + shaft, [reactions, i] { return reactions->jerk(i); });
+  }
+}
+
+}  // namespace variator_sim
