@@ -446,6 +446,7 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory, const Node
   faults.tell();
   if (verify_derivatives) verifyDerivatives(scene);
   scene.resolved = resolve(tree, names, node.keys, scene, verify_derivatives);
+  tieMasslessShafts(&scene);
   for (const ConstraintPtr& constraint : scene.constraints) warnOfEnergy(*constraint, &scene);
   return scene;
 }
@@ -455,6 +456,7 @@ void rereadNumbers(const ParameterTree& tree, Scene* scene) {
   scene->extreme_numbers = describeExtremeNumbers(tree);
   scene->inertia_harmonics.clear();
   readInertia(root, scene);
+  tieMasslessShafts(scene);
   scene->initial = readInitial(root, scene->shafts.size());
   scene->solver = readSolver(root);
   scene->resolved = {};
