@@ -120,6 +120,102 @@ class ModesTest(TestCase):
     def test_elastic_bearing(self):
         self.check_example("ElasticBearing", 10.0, None)
 
+    def test_other_examples(self):
+        # Their references are of test/stress/independent/examples.py; angles without modes have no events.
+        for name, duration in (("First", 1.0), ("LossyGearDemo2", 0.5), ("LossyGearDemo3", 1.0), ("RollingWheel", 5.0),
+                               ("HeatLosses", 1.0), ("SimpleGearShift", 5.0), ("EddyCurrentBrake", 1.0),
+                               ("OneWayClutchDisengaged", 2.0), ("DemoFreeWheel", 1.0),
+                               ("CompareBrakingTorque", 5.0)):
+            with self.subTest(name):
+                self.check_example(name, duration)
+
+    def test_the_heat_closes_the_energy_of_lossy_gears(self):
+        # No bearing torque is an applied one here: the reactions take what becomes heat.
+        scene = (FOLDER / "test/modes/LossyGearDemo1.yaml").read_text()
+        (header, rows), _ = self.simulate(scene, 0.5, 100)
+        work = [float(row[header.index("energy/applied")]) for row in rows]
+        exchanged = sum(abs(b - a) for a, b in zip(work, work[1:]))
+        for row in rows:
+            left = float(row[header.index("energy/reactions")]) + float(row[header.index("gear/heat")])
+            self.assertAlmostEqual(left, 0.0, delta=1e-9 * exchanged)
+
+    def test_massless_shafts(self):
+        # The ring gear of a planetary set, and a chain of two gears: 1 kg m^2 and 4 through 1/2 and 3.
+        chain = """
+shafts: [a, b, c]
+a: {inertia: 1.0}
+b: {inertia: 0}
+c: {inertia: 4}
+torques: [drive, load]
+drive: {type: variator_sim/ExpressionTorque, shaft: a, torque: "5 - 0.1*t"}
+load: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-2*w_b"}
+constraints: [one, two]
+one: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: 0.5}
+two: {type: variator_sim/KinematicRatio, shafts: [b, c], ratio: 3}
+"""
+        for principle in ("gauss", "generalized_gauss"):
+            (header, rows), _ = self.simulate(chain + f"principle: {principle}\n", 10.0, 10)
+            J, d = 1 + 4 * 1.5**2, 2 * 0.5**2  # at a: J w' = 5 - 0.1 t - d w
+            c = -0.1 / d
+            b = (5 - J * c) / d
+            for row in rows:
+                t = float(row[0])
+                w = b + c * t - b * math.exp(-d / J * t)
+                self.assertAlmostEqual(float(row[header.index("a/velocity")]), w, delta=1e-8)
+                self.assertAlmostEqual(float(row[header.index("b/velocity")]), 0.5 * w, delta=1e-8)
+        path = self.folder / "it.yaml"
+        loose = """
+shafts: [a, b]
+a: {inertia: 1.0}
+b: {inertia: 0}
+torques: [clutch, brake]
+clutch: {type: variator_sim/Clutch, shafts: [a, b], capacity: 5}
+brake: {type: variator_sim/Brake, shaft: b, capacity: 5}
+"""
+        gear = "constraints: [gear]\ngear: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: RATIO}\n"
+        for text, status in ((loose, 2), (loose + gear.replace("RATIO", '"2 + 0.1*t"'), 2),
+                             (loose + gear.replace("RATIO", "2"), 0)):
+            path.write_text(text)
+            done = call(SIMULATE, path, "--duration", 1)
+            self.assertEqual(done.returncode, status, done.stderr)
+            self.assertEqual("b/inertia: is 0, but no constraint" in done.stderr, status == 2)
+
+    def test_several_events_at_one_instant_in_any_order(self):
+        # At 1 s a clutch closes between shafts of one speed, a brake lets go, another one closes and the freewheel
+        # begins to be driven; at 2 s two clutches open.
+        head = """
+shafts: [a, b, c]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+c: {inertia: 0.5}
+initial: {velocity: [2, 2, 0]}
+"""
+        elements = {
+            "push": 'type: variator_sim/ExpressionTorque, shaft: a, torque: "3*if(t < 1, 0, 1) - w_a"',
+            "pull": 'type: variator_sim/ExpressionTorque, shaft: c, torque: "4*sin(3*t)"',
+            "drag": 'type: variator_sim/ExpressionTorque, shaft: b, torque: "-0.5*w_b"',
+            "one": 'type: variator_sim/Clutch, shafts: [a, b], capacity: "if(t < 1, 0, if(t < 2, 9, 0))"',
+            "two": 'type: variator_sim/Clutch, shafts: [b, c], capacity: "if(t < 1, 0, if(t < 2, 2, 0))", static: 1.2',
+            "hold": 'type: variator_sim/Brake, shaft: c, capacity: "if(t < 1, 8, 0)"',
+            "wheel": "type: variator_sim/OneWayClutch, shafts: [c, a]",
+        }
+        names, runs = list(elements), []
+        for shift in range(len(names)):
+            order = names[shift:] + names[:shift]
+            for listed in (order, order[::-1]):
+                scene = head + f"torques: [{', '.join(listed)}]\n"
+                scene += "".join(f"{name}: {{{elements[name]}}}\n" for name in listed)
+                (header, rows), events = self.simulate(scene, 3.0, 20)
+                columns = [header.index(f"{shaft}/{q}") for shaft in "abc" for q in ("angle", "velocity")]
+                runs.append(([[float(row[c]) for c in columns] for row in rows],
+                             sorted((round(float(e[0]), 9), *e[1:4]) for e in events)))
+        for rows, events in runs[1:]:
+            self.assertEqual(events, runs[0][1])
+            for a, b in zip(rows, runs[0][0]):
+                for x, y in zip(a, b):
+                    self.assertAlmostEqual(x, y, delta=1e-12 * max(1.0, abs(y)))
+        self.assertGreater(sum(event[0] == 1.0 for event in runs[0][1]), 2)
+
     def test_the_order_of_elements_does_not_matter(self):
         scene = (FOLDER / "test/modes/CoupledClutches.yaml").read_text()
         (_, rows), events = self.play(scene, 1.5, 40)

@@ -159,10 +159,24 @@ VS_FUNCTION_RARE int vs_side_of(int mode) {
   return mode > 0 ? 1 : -1;
 }
 
+/* True where the slip stays 0, by its coefficients up to `last`. */
+VS_FUNCTION_RARE int vs_stays(const scene_series* it, int h, int last) {
+  const Real* const f = it->row[slip_row[h]];
+  double rate = 0.0;
+  int i, n;
+  for (i = 0; i < S; ++i)
+    rate += vs_entry(it, CONSTRAINTS + h, i) * it->row[ACCELERATION + i][0] * it->unit;
+  if (fabs(f[0]) > vs_slip_noise(it, h, 0) || fabs(rate) > vs_slip_noise(it, h, 1)) return 0;
+  for (n = 2; n <= last && vs_is_noise(it, h, VS_OF_SLIP, n, f); ++n) continue;
+  return n > last;
+}
+
 /* The mode as a user sees it: of losses 1 where the first shaft drives, -1 where the second does.
- */
-VS_FUNCTION_RARE int vs_told_mode(const scene_series* it, int h, int mode) {
-  if (!vs_is_loss(it, h) || mode == VS_STUCK || mode == VS_FREE) return mode;
+ * An element that others hold at rest does not slide, though it transmits its limit. */
+VS_FUNCTION_RARE int vs_told_mode(const scene_series* it, int h, int mode, int last) {
+  if (mode == VS_STUCK || mode == VS_FREE) return mode;
+  if (vs_stays(it, h, last)) return VS_STUCK;
+  if (!vs_is_loss(it, h)) return mode;
   return mode == vs_side_of(mode) ? 1 : -1;
 }
 
