@@ -180,6 +180,90 @@ brake: {type: variator_sim/Brake, shaft: b, capacity: 5}
             self.assertEqual(done.returncode, status, done.stderr)
             self.assertEqual("b/inertia: is 0, but no constraint" in done.stderr, status == 2)
 
+    def test_faults_of_elements_are_told_by_name(self):
+        path = self.folder / "it.yaml"
+        path.write_text("""
+shafts: [worm, wheel]
+worm: {inertia: 1}
+wheel: {inertia: 1}
+constraints: [gear]
+gear: {type: variator_sim/KinematicRatio, shafts: [worm, wheel], ratio: 0.05, efficiency: {driving: 0.4, driven: 0}}
+""")
+        done = call(SIMULATE, path, "--duration", 1)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("gear/efficiency: is 0 where 'wheel' drives", done.stderr)
+        self.assertIn("torque on 'wheel' cannot turn 'worm'", done.stderr)
+        # Two imposed speeds and claws that close between them.
+        path.write_text("""
+shafts: [a, b, c]
+a: {inertia: 1}
+b: {inertia: 1}
+c: {inertia: 1}
+torques: [dog]
+dog: {type: variator_sim/DogClutch, shafts: [a, b], engaged: "if(t < 0.5, 0, 1)", engage_below: 50}
+constraints: [one, two]
+one: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w_a - 1 - t"}
+two: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w_b - 2"}
+initial: {velocity: [1, 2, 0]}
+""")
+        done = call(SIMULATE, path, "--duration", 1)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("NoModes", done.stderr)
+        self.assertIn("rigid are 'dog'", done.stderr)
+
+    def test_a_commanded_capacity_below_0_is_clamped_and_counted(self):
+        scene = """
+shafts: [a]
+a: {inertia: 1}
+torques: [push, brake]
+push: {type: variator_sim/ExpressionTorque, shaft: a, torque: "3"}
+brake: {type: variator_sim/Brake, shaft: a, capacity: {topic: c, initial: 5}}
+"""
+        path, commands = self.folder / "it.yaml", self.folder / "commands.csv"
+        path.write_text(scene)
+        commands.write_text("time,topic,value\n0.5,c,-2\n")
+        done = call(SIMULATE, path, "--duration", 1, "--rate", 2, "--commands", commands, "--stats", "--output",
+                    self.folder / "s.csv")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("commands clamped: 1", done.stdout + done.stderr)
+        header, rows = read(self.folder / "s.csv")
+        self.assertAlmostEqual(float(rows[-1][header.index("a/velocity")]), 1.5, delta=1e-12)
+
+    def test_estimated_errors_are_the_errors(self):
+        # Events move with the error before them: what is estimated has to contain that.
+        for name, duration in (("CoupledClutches", 1.5), ("Friction", 3.0), ("SimpleGearShift", 5.0)):
+            with self.subTest(name):
+                expected_header, expected = read(FOLDER / f"test/modes/{name}.csv")
+                scene = (FOLDER / f"test/modes/{name}.yaml").read_text()
+                rate = (len(expected) - 1) / duration
+                loose = "solver: {relative_tolerance: 1e-6, absolute_tolerance: 1e-6}\n"
+                (self.folder / "it.yaml").write_text(scene + loose)
+                done = call(SIMULATE, self.folder / "it.yaml", "--duration", duration, "--rate", rate, "--error",
+                            "--output", self.folder / "s.csv")
+                self.assertEqual(done.returncode, 0, done.stderr)
+                header, rows = read(self.folder / "s.csv")
+                for column in header:
+                    told = column + "/estimated_error"
+                    if told not in header or column not in expected_header:
+                        continue
+                    at = expected_header.index(column)
+                    for row, line in zip(rows, expected):
+                        error = abs(float(row[header.index(column)]) - float(line[at]))
+                        estimate = float(row[header.index(told)])
+                        self.assertAlmostEqual(error, estimate, delta=1e-3 * estimate + 1e-9)
+
+    def test_sweeps_have_the_motions_of_single_runs(self):
+        for name, duration, path, values, metric in (
+                ("CoupledClutches", 1.5, "J4/inertia", [0.5, 2.0], "clutch1/heat"),
+                ("SimpleGearShift", 5.0, "ring/inertia", [0.0, 0.3], "load/velocity"),
+                ("LossyGearDemo1", 0.5, "gear/efficiency", [0.3, 0.7], "gear/heat")):
+            scene = (FOLDER / f"test/modes/{name}.yaml").read_text()
+            table = variator_sim.sweep(scene, duration, grid={path: values}, rate=40, metrics=[f"final({metric})"])
+            for value, found in zip(values, table[f"final({metric})"]):
+                run = variator_sim.simulate(scene, duration, rate=40, overrides={path: value},
+                                            columns="state,elements")
+                self.assertEqual(found, run[metric][-1], (name, value))
+
     def test_several_events_at_one_instant_in_any_order(self):
         # At 1 s a clutch closes between shafts of one speed, a brake lets go, another one closes and the freewheel
         # begins to be driven; at 2 s two clutches open.
@@ -446,6 +530,13 @@ initial: {velocity: [3, 3]}
             self.assertEqual(done.returncode, 0, done.stderr)
             self.assertIn("modes: 'clutch' stuck", done.stderr)
             self.assertIn("velocity: 8.0", done.stdout)  # 4 = 0.5 w
+            (self.folder / "steady.yaml").write_text(done.stdout)
+            stays = call(SIMULATE, path, "--from-state", self.folder / "steady.yaml", "--duration", 1, "--columns",
+                         "state,elements", "--rate", 1, "--output", self.folder / "steady.csv")
+            self.assertEqual(stays.returncode, 0, stays.stderr)
+            header, rows = read(self.folder / "steady.csv")
+            self.assertEqual([row[header.index("clutch/mode")] for row in rows], ["0", "0"])
+            self.assertAlmostEqual(float(rows[-1][header.index("b/velocity")]), 8.0, delta=1e-9)
             self.assertIn("value: 32.0", done.stdout)    # 0.2 heat = 0.1 64
             # At 120 rad/s it transmits 40 N m, which 45 N m hold and 35 N m do not.
             for capacity, status in ((45, 0), (35, 1)):
