@@ -5,10 +5,11 @@
 
 Nothing here is taken from the sources. Between two events the motion is smooth: J w' = Q - C' T with
 the torques T of what slides, and those that keep C w' = 0 of what is stuck, all of them unknowns of one
-system with what gears pass and lose; shafts may be massless. DOP853 of SciPy makes it at 1e-11. Conditions (slips, reserves, capacities) are looked at on a grid of its dense output, their
-roots found by Brent's method. At an event all combinations of modes of what is at rest are tried: each
-moves on for a short while, and those whose conditions hold there, strictly, are the answer. Where stuck
-elements are redundant a linear program says whether limits can hold, and how near they are.
+system with what gears pass and lose; shafts may be massless. DOP853 of SciPy makes it at 1e-11.
+Conditions (slips, reserves, capacities, sides that drive) are looked at on a grid of its dense output,
+their roots found by Brent's method. At an event all combinations of modes of what is at rest are tried:
+each moves on for a short while, and those whose conditions hold there, strictly, are the answer. Where
+stuck elements are redundant a linear program says whether limits can hold, and how near they are.
 """
 import argparse
 import csv
