@@ -139,6 +139,29 @@ class ModesTest(TestCase):
             left = float(row[header.index("energy/reactions")]) + float(row[header.index("gear/heat")])
             self.assertAlmostEqual(left, 0.0, delta=1e-9 * exchanged)
 
+    def test_the_side_that_drives_changes_where_nothing_passes(self):
+        # Without bearing torques both lines of the losses meet at lambda = 0, which rounding alone gives a sign.
+        scene = """
+shafts: [s0, s1, s2]
+s0: {inertia: 1.104}
+s1: {inertia: 0.137}
+s2: {inertia: 0.296}
+torques: [load0, load1, load2, spring, clutch]
+load0: {type: variator_sim/ExpressionTorque, shaft: s0, torque: "-4.49 - 0.079*w_s0"}
+load1: {type: variator_sim/ExpressionTorque, shaft: s1, torque: "2.12*sin(22.86*t)"}
+load2: {type: variator_sim/ExpressionTorque, shaft: s2, torque: "10.64*sin(14.91*t)"}
+spring: {type: variator_sim/ElasticCoupling, shafts: [s1, s0], stiffness: 198.6, damping: 1.89}
+clutch: {type: variator_sim/Clutch, shafts: [s0, s2], ratio: 0.19, capacity: 12.6}
+constraints: [gear]
+gear: {type: variator_sim/KinematicRatio, shafts: [s1, s0], ratio: 1, efficiency: {driving: 0.35, driven: 0.87}}
+initial: {velocity: [0, 0, 4.39]}
+"""
+        _, events = self.simulate(scene, 2.0, 50)
+        times = [float(line[0]) for line in events if line[1] == "gear"]
+        for expected, found in zip((0.021603783, 0.115986871, 0.261555735, 0.415227198), times):
+            self.assertAlmostEqual(found, expected, delta=1e-8)
+        self.assertEqual(len(times), 18)
+
     def test_massless_shafts(self):
         # The ring gear of a planetary set, and a chain of two gears: 1 kg m^2 and 4 through 1/2 and 3.
         chain = """

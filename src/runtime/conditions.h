@@ -121,14 +121,16 @@ VS_FUNCTION_RARE void vs_lead(const scene_series* it, int h, int s, int line, in
 }
 
 /* The lead as a mode's condition. lambda is off a change of lines by what C J^-1 D' divides, which
- * is another one in the other mode: it is scaled, and its rounding judged by both lines, for one
- * mode not to take for rounding what the other does not. True where its first coefficient is more
+ * is another one in the other mode: it is scaled, and its rounding judged by both lines and the
+ * torques on the shaft (lambda is 0 where gears without bearing torques change lines), for one mode
+ * not to take for rounding what the other does not. True where its first coefficient is more
  * than rounding. */
 VS_FUNCTION_RARE int vs_scaled_lead(const scene_series* it, int h, int mode, Real* c) {
   const int s = mode > 0 ? 1 : -1, p = load_of[h];
-  double mobility = 0.0, size = 0.0;
+  double mobility = 0.0, size;
   int i, n;
   if (p < 0) return 0; /* no losses */
+  size = vs_sum_of_torques(it, h, 0);
   for (i = 0; i < 2; ++i) {
     size += fabs(it->row[slope_row[2 * h + i]][0] * it->row[TRANSMITTED + p][0]) +
             fabs(it->row[base_row[2 * h + i]][0]);
