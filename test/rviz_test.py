@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import roslib.packages
 import rosunit
 import yaml
-from variator_sim.msg import DrivetrainState, SceneInfo
+from variator_sim.msg import DrivetrainState, NamedValues, SceneInfo
 
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir('variator_sim'))
 sys.path.insert(0, str(FOLDER / 'rviz'))
@@ -156,6 +156,18 @@ class MarkersTest(TestCase):
         self.assertIn('variator', [marker.text for marker in first])  # it stands: not known
         self.assertTrue(any('engine\n85.0 rad/s\napplied 20.0 N m' in text for text in texts))
         self.assertEqual([marker.id for marker in third], [marker.id for marker in second])
+
+    def test_elements_that_hold_have_the_colour_of_their_mode(self):
+        scene = SceneInfo(parameters='shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 0}\ntorques: [lock]\n'
+                          'lock: {type: variator_sim/Clutch, shafts: [a, b], capacity: 3}\n')
+        drawing = self.module.Drawing(scene, 'machine')
+        state = DrivetrainState(angle=[0.0] * 2, velocity=[0.0] * 2, applied_torque=[0.0] * 2,
+                                reaction_torque=[0.0] * 2)
+        for mode, colour in ((None, 'link'), (0.0, 'stuck'), (-1.0, 'slides'), (1.0, 'slides'), (2.0, 'free')):
+            if mode is not None:
+                drawing.take_elements(NamedValues(name=['lock/slip', 'lock/mode'], value=[0.0, mode]))
+            bar = drawing.draw(state).markers[0].color
+            self.assertEqual((bar.r, bar.g, bar.b), self.module.COLOURS[colour])
 
 
 class RvizSuite(unittest.TestSuite):

@@ -65,6 +65,8 @@ struct Scene {
   /// J, kg m^2, s x s, symmetric; where a shaft has harmonics its entry is the mean. Positive
   /// definite at every angle.
   Eigen::MatrixXd inertia;
+  /// The part of J that constraints lend to shafts without inertia, which moves nothing.
+  Eigen::MatrixXd lent_inertia;
   /// Harmonics of each shaft's inertia: s lists, or none when all are constant.
   std::vector<std::vector<InertiaHarmonic>> inertia_harmonics;
   /// J_ij, s x s, where an entry is a formula of angles, the time and inputs (`inertia` has the

@@ -44,6 +44,19 @@ Both readBoth(LawContext& scene, const std::string& key, const Range& range, dou
   return {one, one};
 }
 
+/// Losses take all of a torque on `from` where the efficiency is 0: it moves nothing at any load.
+void refuseSelfLocking(LawContext& scene, const Shaft& from, const Shaft& to,
+                       const Expression& efficiency) {
+  if (!efficiency.isConstant() || efficiency.value() > 0.0) return;
+  const std::vector<std::string>& names = scene.component().shaftNames();
+  const std::string driver = inQuotes(names[static_cast<std::size_t>(from.index)]);
+  throw SceneError(scene.parameters().keyPath("efficiency"),
+                   "is 0 where " + driver + " drives: a self-locking gear, torque on " + driver +
+                       " cannot turn " + inQuotes(names[static_cast<std::size_t>(to.index)]) +
+                       "; allowed: a number in (0, 1], with a 'bearing' torque that holds the "
+                       "loads that occur");
+}
+
 bool isAlways(const Both& both, double value) {
   return both.first.isConstant() && both.second.isConstant() && both.first.value() == value &&
          both.second.value() == value;
@@ -55,7 +68,9 @@ void KinematicRatio::build(LawContext& scene) {
   scene.keys({"shafts", "ratio", "efficiency", "bearing", "reaction"});
   const std::vector<Shaft> s = scene.shafts("shafts", 2);
   const Expression i = scene.quantity("ratio", Range::any("1"));
-  const auto [e_1, e_2] = readBoth(scene, "efficiency", {0.0, 1.0, false, true, "1"}, 1.0);
+  const auto [e_1, e_2] = readBoth(scene, "efficiency", {0.0, 1.0, true, true, "1"}, 1.0);
+  refuseSelfLocking(scene, s[0], s[1], e_1);
+  refuseSelfLocking(scene, s[1], s[0], e_2);
   const auto [b_1, b_2] = readBoth(scene, "bearing", Range::notNegative("N m"), 0.0);
   const bool is_gradient =
       scene.parameters().choice("reaction", {"lossless", "gradient"}, "lossless") == "gradient";

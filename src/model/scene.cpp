@@ -458,6 +458,7 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
   faults.tell();
   if (verify_derivatives) verifyDerivatives(scene);
   scene.resolved = resolve(tree, names, node.keys, scene, verify_derivatives);
+  tieMasslessShafts(&scene);
   for (const ConstraintPtr& constraint : scene.constraints) warnOfEnergy(*constraint, &scene);
   return scene;
 }
@@ -468,6 +469,7 @@ void rereadNumbers(const ParameterTree& given, const NodeNames& node, Scene* sce
   scene->extreme_numbers = describeExtremeNumbers(tree);
   scene->inertia_harmonics.clear();
   readInertia(root, scene);
+  tieMasslessShafts(scene);
   scene->initial = readInitial(root, scene->shafts.size());
   scene->solver = readSolver(root);
   scene->resolved = {};

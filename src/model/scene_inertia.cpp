@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "model/formula_laws.h"
@@ -119,7 +120,7 @@ ShaftInertia readShaftInertia(ParameterReader& root, const std::string& shaft) {
     return inertia;
   }
   if (value == nullptr || value->kind() != ParameterTree::Kind::kDictionary) {
-    inertia.mean = inertia.least = reader.number("inertia", Range::positive("kg m^2"));
+    inertia.mean = inertia.least = reader.number("inertia", Range::notNegative("kg m^2"));
     reader.finish();
     return inertia;
   }
@@ -243,7 +244,10 @@ void readInertiaCoupling(ParameterReader& root, const std::vector<double>& least
 
   Eigen::MatrixXd smallest = *J;
   for (std::size_t i = 0; i < least.size(); ++i) {
-    smallest(static_cast<int>(i), static_cast<int>(i)) = least[i];
+    const auto row = static_cast<int>(i);
+    smallest(row, row) = least[i];
+    // tieMasslessShafts judges shafts without inertia.
+    if (smallest.row(row).isZero(0.0)) smallest(row, row) = 1.0;
   }
   if (has_formulas || isPositiveDefinite(smallest)) return;
   throw SceneError(kCouplings,
@@ -253,7 +257,69 @@ void readInertiaCoupling(ParameterReader& root, const std::vector<double>& least
                        " kg m^2; allowed: a positive definite J" + scene->extreme_numbers);
 }
 
+/// Returns c of a constraint f = c omega + constant with a reaction along c; none of others.
+std::optional<Eigen::VectorXd> readSpeedRow(const Constraint& constraint, const Scene& scene) {
+  const expression::Graph& graph = *scene.graph;
+  if (constraint.order() != 1 || !constraint.direction().empty()) return {};
+  for (const int n : graph.listReachable({constraint.function()})) {
+    const expression::Graph::Entry& entry = graph.entry({n});
+    if (entry.operation == expression::Operation::kVariable &&
+        expression::sourceOf(entry.slot) != expression::Source::kVelocity) {
+      return {};
+    }
+  }
+  Eigen::VectorXd c(scene.shaftCount());
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    const expression::Node entry = constraint.row()[static_cast<std::size_t>(i)];
+    if (!graph.isConstant(entry)) return {};
+    c(i) = graph.constantValue(entry);
+  }
+  return c;
+}
+
+/// Returns the largest inertia that a shaft of `row` has as seen through it, J_i/c_i^2; 0 if none.
+double findReflectedInertia(const Eigen::VectorXd& row, const Eigen::MatrixXd& J) {
+  double largest = 0.0;
+  for (int i = 0; i < row.size(); ++i) {
+    if (row(i) != 0.0) largest = std::max(largest, J(i, i) / (row(i) * row(i)));
+  }
+  return largest;
+}
+
 }  // namespace
+
+void tieMasslessShafts(Scene* scene) {
+  const Eigen::MatrixXd J = scene->inertia;
+  scene->lent_inertia = Eigen::MatrixXd::Zero(J.rows(), J.cols());
+  const auto is_massless = [&J](int i) { return J(i, i) == 0.0; };
+  for (const ConstraintPtr& constraint : scene->constraints) {
+    const std::optional<Eigen::VectorXd> c = readSpeedRow(*constraint, *scene);
+    bool ties = false;
+    for (int i = 0; i < J.rows() && c; ++i) ties = ties || ((*c)(i) != 0.0 && is_massless(i));
+    if (!ties) continue;
+    const double reflected = findReflectedInertia(*c, J);
+    const double w = reflected > 0.0 ? reflected : J.maxCoeff() / c->cwiseAbs2().maxCoeff();
+    scene->lent_inertia += w * *c * c->transpose();
+  }
+  scene->inertia += scene->lent_inertia;
+  Eigen::MatrixXd left = scene->inertia;  // by elimination, massless shafts last
+  std::vector<int> order;
+  for (const bool massless : {false, true}) {
+    for (int i = 0; i < J.rows(); ++i) {
+      if (is_massless(i) == massless) order.push_back(i);
+    }
+  }
+  for (const int i : order) {
+    if (is_massless(i) && !(left(i, i) > 1e-12 * scene->inertia(i, i))) {
+      throw SceneError(scene->shafts[static_cast<std::size_t>(i)] + "/inertia",
+                       "is 0, but no constraint with constant coefficients, as a KinematicRatio, "
+                       "ties the shaft to the inertia of others; allowed: a number > 0, or such a "
+                       "constraint");
+    }
+    const Eigen::VectorXd column = left.col(i) / left(i, i);
+    left -= column * Eigen::VectorXd(left.row(i)).transpose();
+  }
+}
 
 void readInertia(ParameterReader& root, Scene* scene) {
   scene->inertia = Eigen::MatrixXd::Zero(scene->shaftCount(), scene->shaftCount());

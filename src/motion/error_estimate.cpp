@@ -145,13 +145,16 @@ void ErrorEstimate::judge(MotionBase& run, Sample* sample) {
 }
 
 /// Both motions run ahead of the current time, by different steps: a difference counts only if it
-/// is older than the last step of either.
+/// is older than the last step of either, and the same since.
 void ErrorEstimate::noteEdges(MotionBase& run) {
-  if (run.statistics().kinks == companion_.statistics().kinks) {
+  const auto before = counted_more_;
+  counted_more_ = static_cast<std::int64_t>(run.statistics().kinks) -
+                  static_cast<std::int64_t>(companion_.statistics().kinks);
+  if (counted_more_ == 0) {
     counts_differ_ = -1.0;
     return;
   }
-  if (counts_differ_ < 0.0) {
+  if (counts_differ_ < 0.0 || counted_more_ != before) {
     counts_differ_ = std::max(run.frontTime(), Motion::of(companion_)->frontTime());
   }
   if (doubt_.parted < 0.0 && run.time > counts_differ_) doubt_.parted = run.time;

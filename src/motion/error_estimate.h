@@ -13,6 +13,7 @@
 /// pass a law's events differently, the estimate says so (ErrorDoubt).
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "variator_sim/sample.h"
@@ -51,8 +52,9 @@ class ErrorEstimate {
   const double absolute_;
   double largest_[3][kMaxShafts] = {};
   double largest_state_[kMaxInputs] = {};
-  bool is_grown_ = false;        // by the last sample
-  double counts_differ_ = -1.0;  // start of the difference, s
+  bool is_grown_ = false;          // by the last sample
+  double counts_differ_ = -1.0;    // start of the difference, s
+  std::int64_t counted_more_ = 0;  // events of the run less those of its companion
   ErrorDoubt doubt_;
 };
 

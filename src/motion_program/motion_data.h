@@ -43,7 +43,8 @@ struct MotionList {
   F(int, sign_row) F(int, sign_jumps) F(int, constant_row) F(double, constant_value)            \
   F(int, input_row) F(int, input_of_row) F(int, input_rate_of_row) F(double, timeout_of)        \
   F(int, passage_row) F(int, passage_count) F(int, passage_jumps)                               \
-  F(int, watched_row) F(int, side_row) F(int, mode_row) F(int, counts_row) F(int, slip_row) F(int, slide_row) F(int, heat_row)      \
+  F(int, watched_row) F(int, side_row) F(int, mode_row) F(int, counts_row) F(int, slip_row)     \
+  F(int, slide_row)                                                                             \
   F(int, upper_row) F(int, lower_row) F(int, level_row) F(int, gap_row) F(int, has_upper)       \
   F(int, has_lower) F(int, has_level) F(int, has_gap) F(int, slides_backward)                   \
   F(int, begins_in) F(double, restitution) F(double, closes_below)                              \

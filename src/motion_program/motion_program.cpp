@@ -69,7 +69,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   for (const expression::Branch& it : formulas_.signs) outputs_.push_back(it.argument);
   for (const expression::Passage& it : formulas_.tables) outputs_.push_back(it.argument);
   for (const SceneHold& it : formulas_.holds) {
-    add({it.slip, it.torque, it.power, it.upper, it.lower, it.level, it.gap});
+    add({it.slip, it.torque, it.upper, it.lower, it.level, it.gap});
     if (it.load >= 0) add({it.slope[0], it.slope[1], it.base[0], it.base[1]});
   }
   series_ = static_cast<int>(outputs_.size());
@@ -330,7 +330,6 @@ void MotionProgram::setHolds(const expression::Graph& graph) {
     }
     slip_row.values.push_back(rowOf(it.slip));
     slide_row.values.push_back(rowOf(it.torque));
-    heat_row.values.push_back(rowOf(it.power));
     upper_row.values.push_back(rowOf(it.upper));
     lower_row.values.push_back(rowOf(it.lower));
     level_row.values.push_back(rowOf(it.level));

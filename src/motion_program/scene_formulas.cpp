@@ -153,7 +153,6 @@ void addLosses(const Scene& scene, const Holding& law, int m, int slot, SceneFor
   made.has_directions = true;
   hold.slip = law.slip.in(graph);
   hold.torque = torque.in(graph);
-  hold.power = (torque * law.slip).in(graph);
   hold.side = side.in(graph);
   hold.upper = hold.lower = hold.level = hold.gap = graph.constant(0.0);
   for (int k = 0; k < 2; ++k) {
@@ -184,7 +183,6 @@ void addHolds(const Scene& scene, SceneFormulas& made) {
       hold.law = law;
       hold.slip = law.slip.in(graph);
       hold.torque = law.torque.in(graph);
-      hold.power = graph.multiply(hold.torque, hold.slip);
       hold.side = law.side.in(graph);
       hold.upper = nodeOf(law.upper);
       hold.lower = nodeOf(law.lower);

@@ -16,7 +16,6 @@ struct SceneHold {
   Holding law;
   expression::Node slip;
   expression::Node torque;
-  expression::Node power;  ///< T times the slip
   expression::Node side;
   expression::Node upper, lower, level, gap;  ///< 0 where there is none
   int load = -1;                              ///< the constraint whose losses they are

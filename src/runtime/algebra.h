@@ -8,9 +8,9 @@ enum { VS_BACKWARD = -1, VS_STUCK = 0, VS_FORWARD = 1, VS_FREE = 2 };
 /* Sides of an event of the scene, beside modes: its function is below 0, above 0. */
 enum { VS_BELOW = 3, VS_ABOVE = 4 };
 
-/* The mode as a user sees it: of losses 1 where the first shaft drives, -1 where the second does.
- */
-VS_FUNCTION int vs_told_mode(int h, int mode) {
+/* The mode of an element by its law: of losses 1 where the first shaft drives, -1 where the second
+ * does. */
+VS_FUNCTION int vs_plain_mode(int h, int mode) {
   if (load_of[h] < 0 || mode == VS_STUCK || mode == VS_FREE) return mode;
   return mode == 1 || mode == -1 ? 1 : -1;
 }
@@ -43,7 +43,7 @@ VS_FUNCTION void vs_enter_state(const scene_model* m, scene_series* it) {
   for (i = 0; i < HOLDS; ++i) {
     it->counts[i] = m->now.counts[i];
     it->row[side_row[i]][0] = m->now.side[i];
-    it->row[mode_row[i]][0] = vs_told_mode(i, m->now.mode[i]);
+    it->row[mode_row[i]][0] = vs_plain_mode(i, m->now.mode[i]);
     it->row[counts_row[i]][0] = m->now.counts[i];
   }
   vs_given(it, 0);

@@ -121,14 +121,16 @@ VS_FUNCTION_RARE void vs_lead(const scene_series* it, int h, int s, int line, in
 }
 
 /* The lead as a mode's condition. lambda is off a change of lines by what C J^-1 D' divides, which
- * is another one in the other mode: it is scaled, and its rounding judged by both lines, for one
- * mode not to take for rounding what the other does not. True where its first coefficient is more
+ * is another one in the other mode: it is scaled, and its rounding judged by both lines and the
+ * torques on the shaft (lambda is 0 where gears without bearing torques change lines), for one mode
+ * not to take for rounding what the other does not. True where its first coefficient is more
  * than rounding. */
 VS_FUNCTION_RARE int vs_scaled_lead(const scene_series* it, int h, int mode, Real* c) {
   const int s = mode > 0 ? 1 : -1, p = load_of[h];
-  double mobility = 0.0, size = 0.0;
+  double mobility = 0.0, size;
   int i, n;
   if (p < 0) return 0; /* no losses */
+  size = vs_sum_of_torques(it, h, 0);
   for (i = 0; i < 2; ++i) {
     size += fabs(it->row[slope_row[2 * h + i]][0] * it->row[TRANSMITTED + p][0]) +
             fabs(it->row[base_row[2 * h + i]][0]);
@@ -157,6 +159,26 @@ VS_FUNCTION_RARE int vs_mode_of_line(int s, int line) {
 
 VS_FUNCTION_RARE int vs_side_of(int mode) {
   return mode > 0 ? 1 : -1;
+}
+
+/* True where the slip stays 0, by its coefficients up to `last`. */
+VS_FUNCTION_RARE int vs_stays(const scene_series* it, int h, int last) {
+  const Real* const f = it->row[slip_row[h]];
+  double rate = 0.0;
+  int i, n;
+  for (i = 0; i < S; ++i)
+    rate += vs_entry(it, CONSTRAINTS + h, i) * it->row[ACCELERATION + i][0] * it->unit;
+  if (fabs(f[0]) > vs_slip_noise(it, h, 0) || fabs(rate) > vs_slip_noise(it, h, 1)) return 0;
+  for (n = 2; n <= last && vs_is_noise(it, h, VS_OF_SLIP, n, f); ++n) continue;
+  return n > last;
+}
+
+/* The mode as a user sees it: of losses 1 where the first shaft drives, -1 where the second does.
+ * An element that others hold at rest does not slide, though it transmits its limit. */
+VS_FUNCTION_RARE int vs_told_mode(const scene_series* it, int h, int mode, int last) {
+  if (mode == VS_STUCK || mode == VS_FREE) return mode;
+  if (vs_stays(it, h, last)) return VS_STUCK;
+  return vs_plain_mode(h, mode);
 }
 
 /* Condition k of the present mode of element h, without the coefficients at its begin that are

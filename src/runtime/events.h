@@ -163,12 +163,20 @@ VS_FUNCTION int vs_is_beyond(const scene_series* it, const vs_event* at) {
   return at->side == 0.0 ? distance != 0.0 : distance * at->side < 0.0;
 }
 
-/* The mean of a series up to theta. */
-VS_FUNCTION double vs_mean(const Real* c, int last, double theta) {
+/* The heat of element h up to theta, J, the integral of T f. The product is taken up to its own
+ * degree: the series end where angles and speeds are known, which is too early for it. */
+VS_FUNCTION double vs_heat(const scene_model* m, const scene_series* it, int h, double theta) {
+  const Real *const T = it->row[slide_row[h]], *const f = it->row[slip_row[h]];
+  const int last = it->order;
   double sum = 0.0;
-  int n;
-  for (n = last; n >= 0; --n) sum = sum * theta + c[n] / (n + 1);
-  return sum;
+  int k, n;
+  if (m->now.mode[h] == VS_STUCK) return 0.0;
+  for (n = 2 * last; n >= 0; --n) {
+    double p = 0.0;
+    for (k = n > last ? n - last : 0; k <= n && k <= last; ++k) p += T[k] * f[n - k];
+    sum = sum * theta + p / (n + 1);
+  }
+  return sum * theta * it->unit;
 }
 
 /* The state at theta of the present series. */
@@ -186,7 +194,7 @@ VS_FUNCTION void vs_go(scene_model* m, double theta) {
   for (c = 0; c < K && (IS_CLASSICAL || TRANSMITS); ++c) {
     m->now.multiplier[c] = vs_evaluate(it->row[TRANSMITTED + c], it->order, theta);
   }
-  for (c = 0; c < HOLDS; ++c) m->now.heat[c] += h * vs_mean(it->row[heat_row[c]], it->order, theta);
+  for (c = 0; c < HOLDS; ++c) m->now.heat[c] += vs_heat(m, it, c, theta);
   for (i = 0; i < STATES; ++i) {
     scene_signal* const s = &m->now.input[state_input[i]];
     s->start = s->target = vs_evaluate(it->row[STATE + i], it->order + 1, theta);

@@ -226,7 +226,7 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
   }
   for (p = 0; p < HOLDS; ++p) {
     vs_seen_hold* const held = to->hold + p;
-    held->mode = vs_told_mode(p, m->now.mode[p]);
+    held->mode = vs_told_mode(it, p, m->now.mode[p], 1);
     held->counts = m->now.counts[p];
     held->side = m->now.side[p];
     held->multiplier = m->now.multiplier[CONSTRAINTS + p];

@@ -44,14 +44,6 @@ VS_FUNCTION_RARE scene_status vs_take_sides(scene_model* m, scene_series* it,
   return SCENE_OK;
 }
 
-/* True where the slip stays 0. */
-VS_FUNCTION_RARE int vs_stays(const scene_series* it, int h) {
-  const Real* const f = it->row[slip_row[h]];
-  int n;
-  for (n = 0; n <= it->order && vs_is_noise(it, h, VS_OF_SLIP, n, f); ++n) continue;
-  return n > it->order;
-}
-
 /* The same with the sides of elements that slide: one that has come to its limit at rest, where
  * others hold it, transmits the limit, and what it slides with once it moves. */
 VS_FUNCTION_RARE scene_status vs_take_modes(scene_model* m, scene_series* it,
@@ -77,7 +69,8 @@ VS_FUNCTION_RARE scene_status vs_take_modes(scene_model* m, scene_series* it,
     status = vs_take_sides(m, it, from);
     moved = HOLDS;
     for (h = 0; h < HOLDS && moved == HOLDS && status == SCENE_OK; ++h) {
-      if (!vs_is_loss(it, h) && fabs(m->now.side[h]) > 1.0 && !vs_stays(it, h)) moved = h;
+      if (!vs_is_loss(it, h) && fabs(m->now.side[h]) > 1.0 && !vs_stays(it, h, it->order))
+        moved = h;
     }
     if (moved == HOLDS) return status;
     m->now.side[moved] = m->now.mode[moved];
@@ -239,8 +232,8 @@ VS_FUNCTION_RARE void vs_note_events(scene_model* m, const scene_series* it, con
   int h;
   for (h = 0; h < HOLDS; ++h) {
     scene_event* const event = &m->event_of[m->events % SCENE_MOST_EVENTS];
-    event->from = vs_told_mode(h, before[h]);
-    event->to = vs_told_mode(h, m->now.mode[h]);
+    event->from = before[h];
+    event->to = vs_told_mode(it, h, m->now.mode[h], it->order);
     if (event->to == event->from && impulse[h] == 0.0) continue;
     event->time = m->now.time;
     event->element = h;
@@ -330,10 +323,12 @@ VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   scene_state from;
   double impulse[MOST_HOLDS + 1];
   scene_status status;
+  int told[MOST_HOLDS + 1];
   int i, p;
   for (i = 0; i < S; ++i) m->memory[i] = 0.0;
   vs_enter_inputs(m, it, 0);
   vs_enter_state(m, it);
+  for (i = 0; i < HOLDS; ++i) told[i] = vs_told_mode(it, i, m->now.mode[i], 1);
   if (!IS_CLASSICAL && !is_start) vs_reaction(it, m->memory);
   for (i = 0; i < S && !IS_CLASSICAL; ++i) {
     for (p = 0; p < K && !is_start; ++p)
@@ -345,7 +340,7 @@ VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   if (status == SCENE_OK) status = vs_find_modes(m, it, &from);
   m->is_begun = 0;
   if (status != SCENE_OK) m->now = before;
-  if (status == SCENE_OK && !is_start) vs_note_events(m, it, before.mode, impulse);
+  if (status == SCENE_OK && !is_start) vs_note_events(m, it, told, impulse);
   return status;
 }
 

@@ -208,13 +208,16 @@ class Writer {
            !scene_.inertia_harmonics[static_cast<std::size_t>(i)].empty();
   }
 
+  /// Returns J_ij as the scene states it.
+  double ownInertia(int i, int j) const { return scene_.inertia(i, j) - scene_.lent_inertia(i, j); }
+
   void writeInertia() {
     bool is_first = true;
     for (int i = 0; i < scene_.shaftCount(); ++i) {
       if (!hasHarmonics(i)) continue;
       if (is_first) begin("inertia that depends on the angle, kg m^2");
       is_first = false;
-      std::vector<TermPtr> sum = {makeNumber(scene_.inertia(i, i))};
+      std::vector<TermPtr> sum = {makeNumber(ownInertia(i, i))};
       for (const InertiaHarmonic& it : scene_.inertia_harmonics[static_cast<std::size_t>(i)]) {
         const TermPtr angle = makeProduct(makeNumber(it.order), shaft(Source::kAngle, i));
         sum.push_back(makeProduct(makeNumber(it.cosine), makeCall({"cos", "\\cos"}, {angle})));
@@ -349,8 +352,8 @@ class Writer {
     const Source of = has_rates ? Source::kJerk : Source::kAcceleration;
     std::vector<TermPtr> left;
     for (int n = 0; n < scene_.shaftCount(); ++n) {
-      const TermPtr J = n == i && hasHarmonics(i) ? makeSymbol(inertiaSymbol(i))
-                                                  : makeNumber(scene_.inertia(i, n));
+      const TermPtr J =
+          n == i && hasHarmonics(i) ? makeSymbol(inertiaSymbol(i)) : makeNumber(ownInertia(i, n));
       left.push_back(makeProduct(J, shaft(of, n)));
     }
     std::vector<TermPtr> right;
