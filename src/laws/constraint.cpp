@@ -232,7 +232,8 @@ void Constraint::noteNonlinear(const Formulas& formulas) {
     const std::vector<ShaftSet> reads = findReads(graph, Source::kAcceleration, s);
     nonlinear_ = findPiecewise(graph, reads, function());
     for (int i = 0; i < s; ++i) {
-      bool is_constant = findPiecewise(graph, reads, formulas.C[static_cast<std::size_t>(i)]).none();
+      bool is_constant =
+          findPiecewise(graph, reads, formulas.C[static_cast<std::size_t>(i)]).none();
       const auto row = formulas.hessian.begin() + static_cast<std::ptrdiff_t>(i) * s;
       is_constant = is_constant && std::all_of(row, row + s, [&graph](Node node) {
                       return graph.isConstant(node, 0.0);

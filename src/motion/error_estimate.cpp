@@ -126,7 +126,7 @@ void ErrorEstimate::judge(MotionBase& run, Sample* sample) {
   const std::size_t states = companion_.scene().states.size();
   double of_run[kMaxInputs];
   double of_companion[kMaxInputs];
-  run.quantities.calc(QuantityGroup::kStates, run.view(), of_run);
+  run.quantities.calc(QuantityGroup::kStates, run.view(), *sample, of_run);
   companion_.calcQuantities(QuantityGroup::kStates, of_companion);
   const bool are_at_rounding[] = {
       compare(sample->angle, other.angle, shafts, largest_[0], sample->angle_error),

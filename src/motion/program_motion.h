@@ -208,12 +208,12 @@ class ProgramMotion final : public MotionBase {
   std::size_t last_events_ = 0;            ///< of these the last step has made
 
   bool is_energy_tracked_ = false;
-  double start_kinetic_ = 0.0;   ///< J
-  double applied_ = 0.0;         ///< J, at the end of the last step
-  double applied_before_ = 0.0;  ///< J, at its start
-  double kinetic_ = 0.0;         ///< J, of the last sample
-  double through_ = 0.0;         ///< J, that the last step has brought and taken
-  std::vector<double> entries_;  ///< of C at the end of the last step, by rows
+  double start_kinetic_ = 0.0;                  ///< J
+  double applied_ = 0.0;                        ///< J, at the end of the last step
+  double applied_before_ = 0.0;                 ///< J, at its start
+  double kinetic_ = 0.0;                        ///< J, of the last sample
+  double through_ = 0.0;                        ///< J, that the last step has brought and taken
+  std::vector<double> entries_;                 ///< of C at the end of the last step, by rows
   std::unique_ptr<double[][kMaxShafts]> rows_;  ///< the same, each in its place
 };
 

@@ -62,7 +62,7 @@ VS_FUNCTION_INLINE Real vs_constraint_rest(const scene_series* it, int p, int n)
 /* b = J^-1 R of order n, of the connection 1/2 J' omega b, or B b, in R' */
 VS_FUNCTION void vs_note_pull(scene_series* it, int n) {
   vs_row* const r = it->row;
-  double b[MOST_SHAFTS], y[MOST_SHAFTS];
+  double b[MOST_SHAFTS] = {0.0}, y[MOST_SHAFTS];
   int i, j, k;
   for (i = 0; i < S; ++i) {
     b[i] = r[inertial_row[i]][n] - r[torque_row[i]][n];

@@ -99,10 +99,9 @@ static const int constant_row[] = {16, 17, 18, 19};
 static const double constant_value[] = {0.0, 1.0, -2.0, 1e-9};
 enum { WATCHED = 0 };
 static const int watched_row[] = {0}, side_row[] = {0}, mode_row[] = {0}, counts_row[] = {0},
-                 slip_row[] = {0}, slide_row[] = {0}, heat_row[] = {0}, upper_row[] = {0},
-                 lower_row[] = {0}, level_row[] = {0}, gap_row[] = {0}, has_upper[] = {0},
-                 has_lower[] = {0}, has_level[] = {0}, has_gap[] = {0}, slides_backward[] = {0},
-                 begins_in[] = {0};
+                 slip_row[] = {0}, slide_row[] = {0}, upper_row[] = {0}, lower_row[] = {0},
+                 level_row[] = {0}, gap_row[] = {0}, has_upper[] = {0}, has_lower[] = {0},
+                 has_level[] = {0}, has_gap[] = {0}, slides_backward[] = {0}, begins_in[] = {0};
 static const double restitution[] = {0.0}, closes_below[] = {0.0};
 #define VS_EACH_ORDER(X) \
   X(1) X(2) X(3) X(4) X(5) X(6) X(7) X(8) X(9) X(10) X(11) X(12) X(13) X(14) X(15) X(16) X(17) X(18)
