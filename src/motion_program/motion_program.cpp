@@ -203,7 +203,7 @@ void MotionProgram::setSizes(const Scene& scene) {
   SCENE_MODES = std::max(1, rows_.modes());
   SCENE_PIECES = std::max(1, rows_.pieces());
   SCENE_MOBILITY = IS_COUPLED != 0 ? S * S : S;
-  SCENE_MATRIX = std::max(1, IS_CURVED != 0 ? SIZE * SIZE : K * K);
+  SCENE_MATRIX = std::max(1, IS_CURVED != 0 || HOLDS > 0 ? SIZE * SIZE : K * K);
   const double tolerance = scene.solver.relative_tolerance;
   RELATIVE_TOLERANCE = tolerance;
   ABSOLUTE_TOLERANCE = scene.solver.absolute_tolerance;
@@ -355,7 +355,7 @@ void MotionProgram::setMemory(const Scene& scene) {
   }
   for (const SceneState& it : scene.states) {
     state_input.values.push_back(it.input);
-    state_is_read.values.push_back(it.is_read ? 1 : 0);
+    reads_state.values.push_back(it.is_read ? 1 : 0);
   }
   rate_row = rowsOf(formulas_.rate);
   set_row = rowsOf(formulas_.set);

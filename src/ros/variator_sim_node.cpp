@@ -35,7 +35,7 @@ constexpr char kUsage[] =
     "\n"
     "topics it reads   ~TOPIC of each commanded input (std_msgs/Float64), ~commands\n"
     "       publishes  ~state, ~elements, ~events, ~inputs, ~outputs, ~states,\n"
-    "                  ~variables, ~energy, joint_states, ~scene,\n"
+    "                  ~variables, ~principle, ~energy, joint_states, ~scene,\n"
     "                  ~status, /diagnostics, ~parameter_descriptions, ~parameter_updates;\n"
     "                  with publish_clock /clock\n"
     "services          ~pause, ~resume, ~reset, ~reset_time, ~step, ~get_state, ~set_state,\n"

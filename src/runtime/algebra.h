@@ -90,11 +90,13 @@ VS_FUNCTION int vs_is_counted(const scene_series* it, int constraint, int low, i
  * the matrix began with; or sought in their columns. */
 enum { VS_POSITIVE, VS_RANKED, VS_SOUGHT };
 
-/* Inverts an n x n matrix in place by Gauss and Jordan's elimination. *distance: the least pivot as
- * a part of its diagonal element, where they are ranked, the square of how far apart rows are. */
-VS_FUNCTION_INLINE int vs_invert(Real* M, int n, int pivots, const Real* size, Real* distance) {
+/* Gauss and Jordan's elimination in an n x n matrix, of the columns from `first` on; of all, it
+ * leaves the inverse. *distance: the least pivot as a part of its diagonal element, where they are
+ * ranked, the square of how far apart rows are. */
+VS_FUNCTION_INLINE int vs_invert(Real* M, int n, int first, int end, int pivots, const Real* size,
+                                 Real* distance) {
   int best[MOST_SIZE], i, j, p;
-  for (p = 0; p < n; ++p) {
+  for (p = first; p < end; ++p) {
     Real pivot;
     best[p] = p;
     for (i = p + 1; i < n && pivots == VS_SOUGHT; ++i) {
@@ -104,8 +106,8 @@ VS_FUNCTION_INLINE int vs_invert(Real* M, int n, int pivots, const Real* size, R
     if (pivots == VS_POSITIVE && !(pivot > 0.0)) return 0;
     if (pivots == VS_SOUGHT && !(fabs(pivot) > 1e-14)) return 0;
     if (pivots == VS_RANKED) {
-      if (!(fabs(pivot) > 1e-12 * fabs(size[p]))) return 0;
-      *distance = seriesSmaller(*distance, fabs(pivot / size[p]));
+      if (!(fabs(pivot) > 1e-12 * fabs(size[p - first]))) return 0;
+      *distance = seriesSmaller(*distance, fabs(pivot / size[p - first]));
     }
     M[n * best[p] + p] = M[n * p + p];
     M[n * p + p] = 1.0;
@@ -141,7 +143,7 @@ VS_FUNCTION int vs_factor_inertia(scene_series* it) {
     if (!IS_COUPLED) it->mobility[i] = 1.0 / vs_inertia(it, i, i);
     for (j = 0; j < S && IS_COUPLED; ++j) it->mobility[S * i + j] = vs_inertia(it, i, j);
   }
-  it->has_mobility = !IS_COUPLED || vs_invert(it->mobility, S, VS_POSITIVE, 0, &unused);
+  it->has_mobility = !IS_COUPLED || vs_invert(it->mobility, S, 0, S, VS_POSITIVE, 0, &unused);
   return it->has_mobility;
 }
 
@@ -154,13 +156,44 @@ VS_FUNCTION_INLINE void vs_move(const scene_series* it, const Real* f, Real* y) 
   }
 }
 
-/* A^-1 with A = C J^-1 D' of the constraints of orders low to high; mu_p = g_p for others. False
+/* [J -D'; C 0] with the constraints that are in; mu_p = g_p for others. */
+VS_FUNCTION void vs_write_whole(scene_series* it) {
+  Real* const M = it->inverse;
+  int e, i, j, p;
+  for (i = 0; i < SIZE; ++i) {
+    for (j = 0; j < SIZE; ++j)
+      M[SIZE * i + j] = i < S && j < S && (i == j || IS_COUPLED) ? vs_inertia(it, i, j) : 0.0;
+  }
+  for (p = 0; p < K; ++p) {
+    if (!it->is_in[p]) M[SIZE * (S + p) + S + p] = 1.0;
+    for (e = entry_begin[p]; e < entry_begin[p + 1] && it->is_in[p]; ++e) {
+      M[SIZE * (S + p) + entry_shaft[e]] = vs_entry(it, p, entry_shaft[e]);
+      M[SIZE * entry_shaft[e] + S + p] = -vs_direction(it, p, entry_shaft[e]);
+    }
+  }
+}
+
+/* Its inverse, beside elements that hold: what is stuck stands still to the bit by it, and by the
+ * solution for the multipliers to rounding, which decisions of modes would take for motion. */
+VS_FUNCTION int vs_factor_whole(scene_series* it) {
+  int p;
+  vs_write_whole(it);
+  if (!vs_invert(it->inverse, SIZE, 0, S, VS_POSITIVE, 0, &it->distance)) return 0;
+  for (p = 0; p < K; ++p) it->size[p] = it->inverse[SIZE * (S + p) + S + p];
+  it->is_whole = 1;
+  return vs_invert(it->inverse, SIZE, S, SIZE, VS_RANKED, it->size, &it->distance);
+}
+
+/* A^-1 with A = C J^-1 D' of the constraints of orders low to high, or the whole inverse. False
  * where C has lost rank. */
 VS_FUNCTION int vs_factor(scene_series* it, int low, int high) {
   Real D[MOST_SHAFTS], y[MOST_SHAFTS];
   int e, i, p, q;
-  if (!vs_factor_inertia(it)) return 0;
   for (q = 0; q < K; ++q) it->is_in[q] = vs_is_counted(it, q, low, high);
+  it->distance = 1.0;
+  it->is_whole = 0;
+  if (!vs_factor_inertia(it)) return 0;
+  if (HOLDS) return vs_factor_whole(it);
   for (q = 0; q < K; ++q) {
     for (i = 0; i < S; ++i) D[i] = 0.0;
     for (e = entry_begin[q]; e < entry_begin[q + 1]; ++e)
@@ -174,29 +207,32 @@ VS_FUNCTION int vs_factor(scene_series* it, int low, int high) {
     }
     it->size[q] = it->inverse[K * q + q];
   }
-  it->distance = 1.0;
-  it->is_whole = 0;
-  return vs_invert(it->inverse, K, VS_RANKED, it->size, &it->distance);
+  return vs_invert(it->inverse, K, 0, K, VS_RANKED, it->size, &it->distance);
 }
 
 /* mu = A^-1 (g - C J^-1 a), epsilon = J^-1 (a + D' mu), in the place of a and g */
 VS_FUNCTION_INLINE void vs_eliminate(const scene_series* it, Real* x) {
-  Real y[MOST_SHAFTS], rest[MOST_CONSTRAINTS + 1];
-  int e, i, p, q;
-  vs_move(it, x, y);
+  Real b[MOST_SIZE], y[MOST_SHAFTS];
+  const int is_whole = (HOLDS || IS_CURVED) && it->is_whole;
+  int e, i, j, p, q;
+  for (i = 0; i < SIZE; ++i) b[i] = x[i];
+  for (i = 0; i < SIZE && is_whole; ++i) {
+    x[i] = it->inverse[SIZE * i] * b[0];
+    for (j = 1; j < SIZE; ++j) x[i] += it->inverse[SIZE * i + j] * b[j];
+  }
+  if (is_whole) return;
+  vs_move(it, b, y);
   for (p = 0; p < K; ++p) {
-    rest[p] = x[S + p];
     for (e = entry_begin[p]; e < entry_begin[p + 1] && it->is_in[p]; ++e)
-      rest[p] -= vs_entry(it, p, entry_shaft[e]) * y[entry_shaft[e]];
+      b[S + p] -= vs_entry(it, p, entry_shaft[e]) * y[entry_shaft[e]];
   }
   for (p = 0; p < K; ++p) {
-    x[S + p] = it->inverse[K * p] * rest[0];
-    for (q = 1; q < K; ++q) x[S + p] += it->inverse[K * p + q] * rest[q];
+    x[S + p] = it->inverse[K * p] * b[S];
+    for (q = 1; q < K; ++q) x[S + p] += it->inverse[K * p + q] * b[S + q];
     for (e = entry_begin[p]; e < entry_begin[p + 1] && it->is_in[p]; ++e)
-      x[entry_shaft[e]] += vs_direction(it, p, entry_shaft[e]) * x[S + p];
+      b[entry_shaft[e]] += vs_direction(it, p, entry_shaft[e]) * x[S + p];
   }
-  vs_move(it, x, y);
-  for (i = 0; i < S; ++i) x[i] = y[i];
+  vs_move(it, b, x);
 }
 
 /* What a solution leaves of a and g. */
@@ -223,13 +259,8 @@ VS_FUNCTION void vs_find_left(const scene_series* it, const Real* b, const Real*
 VS_FUNCTION_INLINE void vs_solve(const scene_series* it, Real* x) {
   const Real near = 1e-4;
   Real b[MOST_SIZE], left[MOST_SIZE];
-  int i, j, round;
+  int i, round;
   for (i = 0; i < SIZE; ++i) b[i] = x[i] = i < S || vs_is_on(it, i - S) ? x[i] : 0.0;
-  for (i = 0; i < SIZE && IS_CURVED && it->is_whole; ++i) {
-    x[i] = it->inverse[SIZE * i] * b[0];
-    for (j = 1; j < SIZE; ++j) x[i] += it->inverse[SIZE * i + j] * b[j];
-  }
-  if (IS_CURVED && it->is_whole) return;
   vs_eliminate(it, x);
   for (round = 0; round < 2 && it->distance < near; ++round) {
     vs_find_left(it, b, x, left);
@@ -243,27 +274,20 @@ VS_FUNCTION_INLINE void vs_solve(const scene_series* it, Real* x) {
 VS_FUNCTION int vs_factor_curved(scene_series* it, const double* lambda, int low, int high) {
   Real* const M = it->inverse;
   Real scale[MOST_SIZE], unused;
-  int i, j, p;
+  int i, p;
   if (!vs_factor(it, low, high)) return 0;
   if (!IS_CURVED) return 1;
   vs_at_once(it, 0);
-  for (i = 0; i < SIZE * SIZE; ++i) M[i] = 0.0;
-  for (i = 0; i < SIZE; ++i) {
-    scale[i] = 1.0 / sqrt(i < S ? vs_inertia(it, i, i) : it->size[i - S]);
-    if (i >= S) M[SIZE * i + i] = !it->is_in[i - S];
-    for (j = 0; j < S && i < S; ++j) M[SIZE * i + j] = vs_inertia(it, i, j);
-  }
+  vs_write_whole(it);
+  for (i = 0; i < SIZE; ++i) scale[i] = 1.0 / sqrt(i < S ? vs_inertia(it, i, i) : it->size[i - S]);
   for (p = 0; p < K; ++p) {
-    for (i = 0; i < S && it->is_in[p]; ++i) {
-      M[SIZE * (S + p) + i] = vs_entry(it, p, i);
-      M[SIZE * i + S + p] = -vs_direction(it, p, i);
-      for (j = 0; j < S; ++j)
-        M[SIZE * i + j] -= lambda[p] * it->row[curvature_row[S * S * p + S * i + j]][0];
-    }
+    for (i = 0; i < S * S && it->is_in[p]; ++i)
+      M[SIZE * (i / S) + i % S] -= lambda[p] * it->row[curvature_row[S * S * p + i]][0];
   }
   for (i = 0; i < SIZE * SIZE; ++i) M[i] *= scale[i / SIZE] * scale[i % SIZE];
-  if (!vs_invert(M, SIZE, VS_SOUGHT, 0, &unused)) return 0;
+  if (!vs_invert(M, SIZE, 0, SIZE, VS_SOUGHT, 0, &unused)) return 0;
   for (i = 0; i < SIZE * SIZE; ++i) M[i] *= scale[i / SIZE] * scale[i % SIZE];
   it->is_whole = 1;
+  it->distance = 1.0;
   return 1;
 }

@@ -97,7 +97,7 @@ VS_FUNCTION int vs_host_is_still(const vs_host* h) {
   for (c = 0; c < 2 * S + STATES; ++c) {
     const double* const x = it->row[c < 2 * S ? ANGLE + c : STATE + c - 2 * S];
     double power = theta, sum = 0.0;
-    if (c >= 2 * S && !state_is_read[c - 2 * S]) continue;
+    if (c >= 2 * S && !reads_state[c - 2 * S]) continue;
     for (n = 1; n <= it->order; ++n, power *= theta) sum += fabs(x[n]) * power;
     if (!(sum <= vs_tolerance(it, x[0]))) return 0;
   }
@@ -243,11 +243,12 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
 }
 
 /* The work, J, of the applied torques over the first `at` s of the last step, for each shaft
- * sum_n p_n tau^(n+1) / (n+1), p_n = sum_k Q_k omega_n-k, as far as both series go; *through: the
- * sum of the magnitudes. */
+ * sum_n p_n tau^(n+1) / (n+1), p_n = sum_k Q_k omega_n-k, up to the degree of the product;
+ * *through: the sum of the magnitudes. */
 VS_FUNCTION double vs_host_work(const vs_host* h, double at, double* through) {
   const scene_series* const it = &h->model.series[h->taken];
   const double tau = seriesSmaller(at, h->made) / it->unit;
+  const int last = it->order;
   double sum = 0.0;
   int i, n;
   *through = 0.0;
@@ -255,8 +256,10 @@ VS_FUNCTION double vs_host_work(const vs_host* h, double at, double* through) {
     const double* const Q = it->row[torque_row[i]];
     const double* const omega = it->row[VELOCITY + i];
     double power = it->unit * tau, own = 0.0;
-    for (n = 0; n <= it->order; ++n, power *= tau)
-      own += vs_convolve(Q, omega, n, 0, 0) * power / (n + 1);
+    for (n = 0; n <= 2 * last; ++n, power *= tau) {
+      const int first = n > last ? n - last : 0;
+      own += vs_total(Q, omega, n, first, n - first) * power / (n + 1);
+    }
     sum += own;
     *through += fabs(own);
   }

@@ -76,6 +76,16 @@ void nameVariables(const Scene& scene, Register& free, Names& names) {
       names.variables[scene.graph->entry(law.side.in(*scene.graph)).slot] = free.take({name, name});
     }
   }
+  const std::vector<std::string> holds = scene.holdNames();
+  for (std::size_t h = 0; h < holds.size(); ++h) {
+    for (const auto& [value, word] : {std::pair{expression::HeldValue::kMultiplier, "lambda_"},
+                                      {expression::HeldValue::kMode, "mode_"},
+                                      {expression::HeldValue::kCounts, "stuck_"}}) {
+      const std::string name = word + toIdentifier(holds[h]);
+      const int slot = slotOf(Source::kHeld, expression::heldSlot(value, static_cast<int>(h)));
+      names.variables[slot] = free.take({name, name});
+    }
+  }
   std::map<int, std::string> given;
   for (const auto& [name, index] : scene.symbols.inputs) given[index] = name;
   for (int i = 0; i < scene.inputCount(); ++i) {
