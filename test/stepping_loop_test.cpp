@@ -295,7 +295,7 @@ TEST(SteppingLoop, BringsTheQuantitiesOfTheGroupsThatAreWanted) {
   SteppingLoop loop(Simulation(test::sceneFromText(scene)), settings, clock);
   loop.setSamplesWanted(true);
   Simulation offline(test::sceneFromText(scene));
-  ASSERT_EQ(loop.quantityCount(), 4u + 1u + 1u);
+  ASSERT_EQ(loop.quantityCount(), 4u + 1u + 1u + 4u);  // G of two shafts, Z, the measure of gauss
   std::vector<double> values(loop.quantityCount());
   TimedSample timed;
   int count = 0;

@@ -174,8 +174,9 @@ void SceneProgram::interpret() {
 bool SceneProgram::agreesWithInterpreter() {
   // Unrelated states, some of them near 0.
   for (int n = 0; n < 16; ++n) {
-    double values[6][kMaxInputs];
-    for (int i = 0; i < kMaxInputs; ++i) {
+    constexpr int kMost = std::max(kMaxShafts, kMaxInputs);
+    double values[6][kMost];
+    for (int i = 0; i < kMost; ++i) {
       for (int part = 0; part < 6; ++part) {
         values[part][i] =
             (n % 4 == 3 ? 1e-3 : 20.0) * std::sin(1.0 + 7.3 * n + 3.1 * part + 1.7 * i);

@@ -312,6 +312,8 @@ void declareMemory(ParameterReader& root, const SceneNames& names, Scene* scene)
 void readMemory(ParameterReader& root, const SceneNames& names, Scene* scene) {
   if (scene->torques.size() != names.torques.size()) return;
   if (scene->constraints.size() != names.constraints.size()) return;
+  // A scene without observers needs no formulas for what they might read.
+  if (names.states.empty() && names.events.empty() && names.outputs.empty()) return;
   nameObservers(scene, false);
   readStates(root, names, scene);
   nameObservers(scene, true);

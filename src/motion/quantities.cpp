@@ -13,7 +13,10 @@ const char* toString(QuantityGroup group) {
 }
 
 Quantities::Quantities(const Scene& scene)
-    : scene_(scene), inertia_(*scene.graph, inertiaOf(*scene.graph, scene)) {
+    : scene_(scene),
+      has_formulas_(!scene.inertia_harmonics.empty() || !scene.inertia_formulas.empty()) {
+  // Numbers of inertias in the graph would be constants of its formulas, too.
+  if (has_formulas_) inertia_ = {*scene.graph, inertiaOf(*scene.graph, scene)};
   auto& [names, inputs, outputs, states, variables, principle] = names_;
   for (const CommandInputSettings& input : scene.inputs) {
     (input.kind == InputKind::kState      ? states
@@ -111,7 +114,12 @@ void Quantities::calcPrinciple(const StateView& state, const Sample& sample, dou
 
 DenseMatrix Quantities::calcInertia(const StateView& state) const {
   const int S = scene_.shaftCount();
-  return Eigen::Map<const Eigen::MatrixXd>(inertia_.evaluate(state), S, S);
+  if (has_formulas_) return Eigen::Map<const Eigen::MatrixXd>(inertia_.evaluate(state), S, S);
+  DenseMatrix J(S, S);
+  for (int i = 0; i < S; ++i) {
+    for (int j = 0; j < S; ++j) J(i, j) = scene_.inertia(i, j);
+  }
+  return J;
 }
 
 bool Quantities::isInertiaLost(const StateView& state) const {

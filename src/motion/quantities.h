@@ -40,7 +40,8 @@ class Quantities {
   void calcInputs(InputKind kind, const StateView& state, double* values) const;
 
   const Scene& scene_;
-  expression::Tape inertia_;      ///< J
+  const bool has_formulas_;       ///< of inertias
+  expression::Tape inertia_;      ///< J, if formulas give it
   bool reads_principle_ = false;  ///< some output does
   std::array<std::vector<std::string>, kQuantityGroups.size()> names_;
   /// Shafts per torque and per constraint.
