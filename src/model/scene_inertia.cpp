@@ -398,9 +398,11 @@ Node readEntry(ParameterReader& reader, const std::string& name, const std::stri
 void readInertiaFormulas(ParameterReader& root, Scene* scene) {
   Graph& graph = *scene->graph;
   const int S = scene->shaftCount();
-  std::vector<Node> J = inertiaOf(graph, *scene);
+  std::vector<Node> J;
   bool are_constant = true;
   const auto set = [&](int i, int j, Node entry) {
+    // (Numbers come into the graph only beside formulas, whose constants they would be.)
+    if (J.empty()) J = inertiaOf(graph, *scene);
     J[static_cast<std::size_t>(S * i + j)] = J[static_cast<std::size_t>(S * j + i)] = entry;
     are_constant = are_constant && graph.isConstant(entry);
   };
