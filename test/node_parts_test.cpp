@@ -161,7 +161,7 @@ TEST(NodeSettings, TakeAllValues) {
 
 TEST(NodeSettings, ReadEveryKeyThatTheNodeKeeps) {
   const std::vector<std::string> keys = nodeNames().keys;
-  EXPECT_EQ(keys.size(), 9U);
+  EXPECT_EQ(keys.size(), 10U);
   for (const std::string& key : keys) {
     if (key == "overrides") continue;  // read before all others: override_text.h
     EXPECT_THROW(settingsFrom(key + ": []"), SceneError) << key;

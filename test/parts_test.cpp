@@ -167,7 +167,7 @@ p: {file: axl.yaml} => p/file: cannot be read
 p: {connect: {in: s}} => p/file: missing
 q: {} => p: missing | in the list parts
 p: {file: around.yaml} => p/p/file: part of itself | around.yaml | scene.yaml
-p: {file: axle.yaml, left: {inertia: -1}} => p/left/inertia: > 0
+p: {file: axle.yaml, left: {inertia: -1}} => p/left/inertia: >= 0
 p: {file: axle.yaml, left_drag: {torqe: 1}} => p/left_drag/torqe: 'torque'
 p: {file: axle.yaml, torqes: [a]} => p/torqes: 'torques'
 p: {file: axle.yaml, principle: gauss} => p/principle: 'generalized_gauss'

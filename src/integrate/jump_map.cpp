@@ -19,7 +19,8 @@ JumpMap::JumpMap(System& system, const SolverSettings& settings)
       consistency_(drivetrain_) {
   for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
     const Constraint& constraint = drivetrain_.constraint(m);
-    straight_ = straight_ && constraint.nonlinearAccelerations().none() && !constraint.readsInputs();
+    straight_ =
+        straight_ && constraint.nonlinearAccelerations().none() && !constraint.readsInputs();
   }
 }
 

@@ -441,7 +441,7 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
     });
   }
   faults.collect([&] { readMemory(root, names, &scene); });
-  const SceneSymbols observed = Output::nameObserved(scene.symbols, scene.shafts, *scene.graph);
+  SceneSymbols observed = Output::nameObserved(scene.symbols, scene.shafts, *scene.graph);
   for (const std::string& name : names.outputs) {
     faults.collect([&] {
       ParameterReader reader = root.section(name);
@@ -449,7 +449,7 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
       scene.outputs.emplace_back(context);
       reader.finish();
       if (expression::describeTakenName(name, scene.shafts).empty())
-        scene.symbols.values.emplace(name, scene.outputs.back().value());
+        observed.values.emplace(name, scene.outputs.back().value());
     });
   }
   scene.symbols.observed.clear();

@@ -48,7 +48,7 @@ struct MotionList {
   F(int, upper_row) F(int, lower_row) F(int, level_row) F(int, gap_row) F(int, has_upper)       \
   F(int, has_lower) F(int, has_level) F(int, has_gap) F(int, slides_backward)                   \
   F(int, begins_in) F(double, restitution) F(double, closes_below)                              \
-  F(int, takes_commands) F(int, state_input) F(int, reads_state) F(int, rate_row) F(int, variable_input)                \
+  F(int, takes_commands) F(int, state_input) F(int, state_is_wanted) F(int, rate_row) F(int, variable_input)                \
   F(int, event_direction) F(int, set_begin) F(int, set_input) F(int, set_row)
 // Lists of commands, which kernels leave to their host: one suits all holds of an input.
 #define VARIATOR_SIM_MOTION_COMMANDS(F)                                                         \

@@ -355,7 +355,7 @@ void MotionProgram::setMemory(const Scene& scene) {
   }
   for (const SceneState& it : scene.states) {
     state_input.values.push_back(it.input);
-    reads_state.values.push_back(it.is_read ? 1 : 0);
+    state_is_wanted.values.push_back(it.is_read ? 1 : 0);
   }
   rate_row = rowsOf(formulas_.rate);
   set_row = rowsOf(formulas_.set);

@@ -56,6 +56,7 @@ NodeSettings readNodeSettings(const ParameterTree& tree) {
       reader.integer("realtime_priority", 0, 99, settings.realtime_priority);
   settings.lock_memory = reader.boolean("lock_memory", settings.lock_memory);
   settings.estimate_error = reader.boolean("estimate_error", settings.estimate_error);
+  reader.text("scene_folder", "");  // read before all others: server_from_parameters.cpp
   return settings;
 }
 

@@ -97,7 +97,7 @@ VS_FUNCTION int vs_host_is_still(const vs_host* h) {
   for (c = 0; c < 2 * S + STATES; ++c) {
     const double* const x = it->row[c < 2 * S ? ANGLE + c : STATE + c - 2 * S];
     double power = theta, sum = 0.0;
-    if (c >= 2 * S && !reads_state[c - 2 * S]) continue;
+    if (c >= 2 * S && !state_is_wanted[c - 2 * S]) continue;
     for (n = 1; n <= it->order; ++n, power *= theta) sum += fabs(x[n]) * power;
     if (!(sum <= vs_tolerance(it, x[0]))) return 0;
   }

@@ -5,7 +5,7 @@
  * the form. */
 VS_FUNCTION void vs_end_inputs(scene_model* m) {
   int i;
-  (void)reads_state; /* (Only hosts ask for it.) */
+  (void)state_is_wanted; /* (Only hosts ask for it.) */
   for (i = 0; i < INPUTS; ++i) {
     scene_signal* const s = &m->now.input[i];
     if (s->age >= s->end) vs_hold_constant(s, s->target);

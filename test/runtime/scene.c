@@ -75,7 +75,7 @@ const char* const scene_state_name[] = {""};
 const char* const scene_variable_name[] = {""};
 static const int input_row[] = {10}, input_of_row[] = {0}, input_rate_of_row[] = {0};
 static const int hold_of[] = {1}, falls_to_zero[] = {0};
-static const int takes_commands[] = {1}, state_input[] = {0}, reads_state[] = {0},
+static const int takes_commands[] = {1}, state_input[] = {0}, state_is_wanted[] = {0},
                  rate_row[] = {0}, variable_input[] = {0};
 static const int event_direction[] = {0}, set_begin[] = {0}, set_input[] = {0}, set_row[] = {0};
 static const double parameter_of[] = {0.5}, initial_input[] = {0.0}, minimum_of[] = {-1.0},
