@@ -375,6 +375,45 @@ pass: {when: "clutch_torque + 50", direction: falling, set: {passed: t}}
   }
 }
 
+const char* const kOfReactions = R"yaml(
+shafts: [a, b, c]
+torques: [drive, load]
+drive: {type: variator_sim/ExpressionTorque, shaft: a, torque: "5 - 0.1*t"}
+load: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-2*w_b"}
+constraints: [one, two]
+one: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: 0.5}
+two: {type: variator_sim/KinematicRatio, shafts: [b, c], ratio: 3}
+outputs: [L, R, Rr]
+L: {expression: one_multiplier}
+R: {expression: R_b}
+Rr: {expression: Rr_b}
+c: {inertia: 4}
+)yaml";
+
+TEST(Observers, AreToldShaftsWithoutInertia) {
+  for (const char* const principle : {"generalized_gauss", "gauss"}) {
+    Simulation simulation =
+        simulate(kOfReactions + std::string("a: {inertia: 1}\nb: {inertia: 0}\n") +
+                 "principle: " + principle);
+    ASSERT_TRUE(simulation.advanceTo(1.0).ok());
+    const Sample& now = simulation.sample();
+    EXPECT_NEAR(outputOf(simulation, "L"), now.multiplier[0], 1e-9);
+    EXPECT_NEAR(outputOf(simulation, "R"), now.reaction_torque[1], 1e-9);
+    EXPECT_NEAR(outputOf(simulation, "Rr"), now.reaction_torque_rate[1], 1e-9);
+  }
+}
+
+TEST(Observers, AreRefusedReactionsOfInertiasByFormulas) {
+  try {
+    simulate(kOfReactions + std::string("a: {inertia: \"2 + sin(phi_b)\"}\nb: {inertia: 1}\n"));
+    FAIL() << "accepted";
+  } catch (const SceneError& error) {
+    EXPECT_NE(std::string(error.what()).find("beside inertias that are formulas"),
+              std::string::npos)
+        << error.what();
+  }
+}
+
 TEST(Observers, AreRefusedWhereRatesWouldNeedThemselves) {
   const std::string scene = kTwoShafts + std::string(kSway);
   const auto faultOf = [](const std::string& yaml) -> std::string {

@@ -23,10 +23,10 @@ class Output {
   /// Reads the keys. Throws SceneError.
   explicit Output(ComponentContext& context);
 
-  /// Adds the names that outputs alone read: G_SHAFT, Z, constraint_measure. Names of the scene's
-  /// own keep their meaning.
-  static SceneSymbols nameObserved(SceneSymbols symbols, const std::vector<std::string>& shafts,
-                                   expression::Graph& graph);
+  /// Adds the names that outputs alone read: G_SHAFT, Z, constraint_measure. `graph` has to outlive
+  /// the symbols.
+  static void nameObserved(const std::vector<std::string>& shafts, expression::Graph& graph,
+                           SceneSymbols* symbols);
 
   /// Returns its name in the scene.
   const std::string& name() const { return name_; }

@@ -64,8 +64,8 @@ std::string explainForeignWord(const std::string& word) {
   }
   if (is_one_of({"delay", "delayed", "transport_delay"})) {
     return "formulas do not read the past; of a function of time write t - 0.2 for t, of a file "
-           "that "
-           "is played shift its times, and of all else let a state or several in a row follow it, "
+           "that is played shift its times, and of all else let a state or several in a row follow "
+           "it, "
            "rate: (x - z)/0.2 (doc/scene.md)";
   }
   if (!is_one_of({"integral", "integrate", "integ", "int", "cumsum"})) return "";

@@ -176,8 +176,7 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
         }
         return std::string(
             "rate, when, set and outputs may read what elements and reactions do, but laws may "
-            "not, "
-            "from which it follows");
+            "not, from which it follows");
       }
       return explainName(unknown, context.shaftNames(), kind);
     };

@@ -368,16 +368,16 @@ ParameterTree readYamlValue(const std::string& text, const std::string& source_n
   return readYaml(text, source_name, /*requires_mapping=*/false);
 }
 
-/// Puts the folder of the scene before the relative path at the key `file` of its dictionaries.
-void placeFiles(const std::string& scene, ParameterTree* tree) {
-  const std::filesystem::path folder = std::filesystem::absolute(scene).parent_path();
+void placeFiles(ParameterTree* tree, const FilePlace& placeOf) {
   for (auto& [name, value] : tree->asDictionary()) {
     if (value.kind() != ParameterTree::Kind::kDictionary) continue;
     const auto found = value.asDictionary().find("file");
     if (found == value.asDictionary().end()) continue;
-    const std::string file = found->second.asText();
-    if (file.empty() || file.find("://") != file.npos) continue;
-    found->second = ParameterTree::text((folder / file).lexically_normal().string());
+    const std::filesystem::path file = found->second.asText();
+    if (file.empty() || file.is_absolute() || file.string().find("://") != std::string::npos)
+      continue;
+    const std::filesystem::path place = placeOf(name, file.string());
+    found->second = ParameterTree::text(place.lexically_normal().string());
   }
 }
 
@@ -432,7 +432,10 @@ ParameterTree readFile(const std::string& path, const std::vector<std::string>& 
   const std::string failure = readTextFile(path, &text, kLongestFile);
   if (!failure.empty()) throw SceneError("", path + ":1:1: cannot be read: " + failure);
   ParameterTree tree = readYamlText(text, path);
-  placeFiles(path, &tree);
+  const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
+  placeFiles(&tree, [&](const std::string& /*name*/, const std::string& file) {
+    return (folder / file).string();
+  });
   loadParts(&tree, within);
   return tree;
 }

@@ -24,19 +24,15 @@ Output::Output(ComponentContext& context) : name_(context.name()) {
   formula_ = expression::Tape(graph, {node_});
 }
 
-SceneSymbols Output::nameObserved(SceneSymbols symbols, const std::vector<std::string>& shafts,
-                                  expression::Graph& graph) {
-  symbols.of_elements = std::make_shared<std::set<std::string>>(*symbols.of_elements);
+void Output::nameObserved(const std::vector<std::string>& shafts, expression::Graph& graph,
+                          SceneSymbols* symbols) {
   const auto add = [&](const std::string& name, int n) {
-    if (symbols.inputs.count(name) + symbols.played.count(name) != 0) return;  // the scene's own
-    if (!symbols.values.emplace(name, graph.variable(slotOf(n))).second) return;
-    symbols.of_elements->insert(name);
+    symbols->observed.emplace(name, [&graph, n] { return graph.variable(slotOf(n)); });
   };
-  const int S = static_cast<int>(shafts.size());
-  for (int i = 0; i < S; ++i) add("G_" + shafts[static_cast<std::size_t>(i)], i);
-  add("Z", S);
-  add("constraint_measure", S + 1);
-  return symbols;
+  int n = 0;
+  for (const std::string& shaft : shafts) add("G_" + shaft, n++);
+  add("Z", n++);
+  add("constraint_measure", n);
 }
 
 int Output::slotOf(int n) {

@@ -5,11 +5,12 @@
 #include <exception>
 #include <iterator>
 #include <limits>
+#include <optional>
 #include <set>
 #include <utility>
 
-#include "model/check_point.h"
 #include "model/derivative_check.h"
+#include "model/energy_warning.h"
 #include "model/extreme_numbers.h"
 #include "model/interrupted.h"
 #include "model/scene_inertia.h"
@@ -251,10 +252,11 @@ ParameterTree toTree(const Values& values, Make make) {
   return ParameterTree::list(std::move(list));
 }
 
-/// Returns `tree` without the node's keys and with the defaults that were taken.
+/// Returns `tree` without the node's keys and with the defaults that were taken. `inertia`: J as
+/// the scene gives it.
 ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
                       const std::vector<std::string>& node_keys, const Scene& scene,
-                      bool verify_derivatives) {
+                      const Eigen::MatrixXd& inertia, bool verify_derivatives) {
   ParameterTree::Dictionary root = tree.asDictionary();
   for (const std::string& key : node_keys) root.erase(key);
   for (const SceneList& list : kSceneLists) {
@@ -265,7 +267,7 @@ ParameterTree resolve(const ParameterTree& tree, const SceneNames& names,
     if (!scene.inertia_harmonics.empty() && !scene.inertia_harmonics[n].empty()) continue;
     if (!scene.inertia_formulas.empty()) continue;
     root[scene.shafts[n]] =
-        ParameterTree::dictionary({{"inertia", ParameterTree::real(scene.inertia(i, i))}});
+        ParameterTree::dictionary({{"inertia", ParameterTree::real(inertia(i, i))}});
   }
   root.emplace("inertia_coupling", ParameterTree::list());
   root["verify_derivatives"] = ParameterTree::boolean(verify_derivatives);
@@ -335,48 +337,6 @@ void checkEdges(const Scene& scene) {
                            std::to_string(kMostEdges) + " at most");
 }
 
-/// Tells whether the reactions of a constraint of order 1 have power under `gauss`: R = C^T lambda
-/// has lambda C omega. For f homogeneous in omega of degree d this is lambda d f = 0 (Euler); else
-/// C omega / f differs from state to state. A constraint that is not zero at rest imposes a motion
-/// and is meant to have power.
-bool takesEnergy(const Constraint& constraint, const Scene& scene) {
-  constexpr double kRounding = 1e-9;
-  Random random;
-  double degree = std::numeric_limits<double>::quiet_NaN();
-  for (int n = 0; n < 16; ++n) {
-    const double speed = std::pow(10.0, n / 4);
-    const CheckPoint point = scaled(shaken(scene, startOf(scene), 1.0, random), 1.0, speed);
-    const double at_rest = constraint.calcResidual(scaled(point, 1.0, 0.0).view());
-    const double f = constraint.calcResidual(point.view());
-    ConstraintPartials partials;
-    constraint.calcPartials(point.view(), partials);
-    double power = 0.0;
-    double size = 0.0;
-    for (int i = 0; i < scene.shaftCount(); ++i) {
-      const double part = partials.velocity[i] * point.velocity[static_cast<std::size_t>(i)];
-      power += part;
-      size += std::abs(part);
-    }
-    if (!std::isfinite(f) || !std::isfinite(size) || !std::isfinite(at_rest)) continue;
-    if (std::abs(at_rest) > kRounding * size) return false;
-    if (std::abs(f) < 1e-3 * size) continue;  // lost in rounding
-    if (std::isnan(degree)) degree = power / f;
-    if (std::abs(power / f - degree) > kRounding * (1.0 + size / std::abs(f))) return true;
-  }
-  return false;
-}
-
-void warnOfEnergy(const Constraint& constraint, Scene* scene) {
-  if (scene->principle != Principle::kGauss || constraint.order() != 1) return;
-  if (!constraint.direction().empty() || !takesEnergy(constraint, *scene)) return;
-  scene->warnings.push_back(
-      "under the principle 'gauss' the reactions of the constraint " + inQuotes(constraint.name()) +
-      " take or give energy (--energy shows how much): it is not proportional to the speeds, so "
-      "C = df/dw is not in their ratio; for a ratio that follows a speed and loses nothing take "
-      "variator_sim/KinematicRatio, whose 'reaction' is 'lossless' by default "
-      "(doc/constraints.md)");
-}
-
 }  // namespace
 
 const char* toString(Principle principle) {
@@ -394,7 +354,8 @@ bool isFixedStep(StepperKind kind) {
 }
 
 Scene readScene(const ParameterTree& given, ComponentFactory& factory, const NodeNames& node) {
-  const ParameterTree tree = mergeParts(given, node.keys);
+  const std::optional<ParameterTree> merged = mergeParts(given, node.keys);
+  const ParameterTree& tree = merged ? *merged : given;
   ParameterReader root(tree, "");
   const SceneNames names = readSceneNames(tree, root, node.keys);
   Scene scene;
@@ -440,16 +401,22 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
       checkInputsOfOrder1(*scene.constraints.back(), scene, used_inputs);
     });
   }
+  const Eigen::MatrixXd inertia = scene.inertia;
+  faults.collect([&] {
+    const bool has_all = has_inertia && scene.constraints.size() == names.constraints.size();
+    if (has_all) tieMasslessShafts(&scene);
+  });
   faults.collect([&] { readMemory(root, names, &scene); });
-  SceneSymbols observed = Output::nameObserved(scene.symbols, scene.shafts, *scene.graph);
+  Output::nameObserved(scene.shafts, *scene.graph, &scene.symbols);
   for (const std::string& name : names.outputs) {
     faults.collect([&] {
       ParameterReader reader = root.section(name);
-      ComponentContext context(name, reader, scene.shafts, scene.inputs, observed, scene.graph);
+      ComponentContext context(name, reader, scene.shafts, scene.inputs, scene.symbols,
+                               scene.graph);
       scene.outputs.emplace_back(context);
       reader.finish();
       if (expression::describeTakenName(name, scene.shafts).empty())
-        observed.values.emplace(name, scene.outputs.back().value());
+        scene.symbols.values.emplace(name, scene.outputs.back().value());
     });
   }
   scene.symbols.observed.clear();
@@ -457,14 +424,14 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
   faults.collect([&] { checkEdges(scene); });
   faults.tell();
   if (verify_derivatives) verifyDerivatives(scene);
-  scene.resolved = resolve(tree, names, node.keys, scene, verify_derivatives);
-  tieMasslessShafts(&scene);
+  scene.resolved = resolve(tree, names, node.keys, scene, inertia, verify_derivatives);
   for (const ConstraintPtr& constraint : scene.constraints) warnOfEnergy(*constraint, &scene);
   return scene;
 }
 
 void rereadNumbers(const ParameterTree& given, const NodeNames& node, Scene* scene) {
-  const ParameterTree tree = mergeParts(given, node.keys);
+  const std::optional<ParameterTree> merged = mergeParts(given, node.keys);
+  const ParameterTree& tree = merged ? *merged : given;
   ParameterReader root(tree, "");
   scene->extreme_numbers = describeExtremeNumbers(tree);
   scene->inertia_harmonics.clear();

@@ -89,13 +89,15 @@ class Reactions {
                                  "; the columns reaction_torque, reaction_torque_rate and "
                                  "multiplier tell it");
     }
+    if (!scene_.inertia_formulas.empty()) {
+      throw SceneError(name,
+                       "is not known beside inertias that are formulas; the columns "
+                       "reaction_torque, reaction_torque_rate and multiplier tell it");
+    }
     if (!reaction_.empty()) return;
+    for (const Node node : inertiaOf(graph_, scene_)) inertia_.push_back(of(node));
     const std::vector<Node> torque = sumTorques(scene_, &Torque::torques);
     for (int i = 0; i < shafts_; ++i) {
-      for (int j = 0; j < shafts_; ++j) {
-        const Node mean = graph_.constant(scene_.inertia(i, j));
-        inertia_.push_back(of(i == j ? addHarmonics(graph_, scene_, i, mean) : mean));
-      }
       connection_.push_back(of(connectionOf(graph_, inertia_[at(shafts_ * i + i)].in(graph_), i)));
       given_.push_back(connection_.back() * variable(Source::kVelocity, i) - of(torque[at(i)]));
       reaction_.push_back(given_.back());

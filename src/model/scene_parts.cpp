@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "expression/characters.h"
 #include "model/scene_names.h"
 #include "variator_sim/nearest_name.h"
 
@@ -23,7 +24,7 @@ std::vector<std::string> namesAt(const ParameterTree& tree, const std::string& k
 }
 
 bool isNamePart(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+  return expression::isNameStart(c) || expression::isDigit(c);
 }
 
 /// Gives the names in a part's texts their meaning in the scene around it.
@@ -109,7 +110,7 @@ class Renaming {
         made += text[begin++];
         continue;
       }
-      const bool is_number = text[begin] >= '0' && text[begin] <= '9';
+      const bool is_number = expression::isDigit(text[begin]);
       auto found = words_.end();
       for (std::size_t last = end; !is_number;) {
         const auto longer = words_.find(text.substr(begin, last - begin));
@@ -220,7 +221,8 @@ class Merge {
                        "this one");
     }
     try {
-      part.scene = mergeParts(ParameterTree::dictionary(std::move(content)), node_keys_);
+      part.scene = ParameterTree::dictionary(std::move(content));
+      if (auto merged = mergeParts(part.scene, node_keys_)) part.scene = *std::move(merged);
       ParameterReader reader(part.scene, "");
       readSceneNames(part.scene, reader, node_keys_);
     } catch (const SceneError& error) {
@@ -405,8 +407,9 @@ class Merge {
 
 }  // namespace
 
-ParameterTree mergeParts(const ParameterTree& tree, const std::vector<std::string>& node_keys) {
-  if (tree.asDictionary().count("parts") == 0) return tree;
+std::optional<ParameterTree> mergeParts(const ParameterTree& tree,
+                                        const std::vector<std::string>& node_keys) {
+  if (tree.asDictionary().count("parts") == 0) return {};
   return Merge(tree, node_keys).run();
 }
 

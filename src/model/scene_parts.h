@@ -1,6 +1,7 @@
 /// Scenes within scenes: `parts`.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -8,11 +9,12 @@
 
 namespace variator_sim {
 
-/// Returns `tree` with the content of its parts in its own lists: the element NAME of the part
-/// PART, whose dictionary holds a scene, becomes PART/NAME, and so do the names that its texts
-/// read; names that the part does not have are those of the scene around it. `connect` makes shafts
-/// of a part those of the scene, with the sum of their inertias. A part's solver, and its keys of
-/// the node, count only where it is a scene by itself. Throws SceneError.
-ParameterTree mergeParts(const ParameterTree& tree, const std::vector<std::string>& node_keys);
+/// Returns `tree`, if it has parts, with the content of these in its own lists: the element NAME of
+/// the part PART, whose dictionary holds a scene, becomes PART/NAME, and so do the names that its
+/// texts read; names that the part does not have are those of the scene around it. `connect` makes
+/// shafts of a part those of the scene, with the sum of their inertias. A part's solver, and its
+/// keys of the node, count only where it is a scene by itself. Throws SceneError.
+std::optional<ParameterTree> mergeParts(const ParameterTree& tree,
+                                        const std::vector<std::string>& node_keys);
 
 }  // namespace variator_sim

@@ -115,11 +115,7 @@ void Quantities::calcPrinciple(const StateView& state, const Sample& sample, dou
 DenseMatrix Quantities::calcInertia(const StateView& state) const {
   const int S = scene_.shaftCount();
   if (has_formulas_) return Eigen::Map<const Eigen::MatrixXd>(inertia_.evaluate(state), S, S);
-  DenseMatrix J(S, S);
-  for (int i = 0; i < S; ++i) {
-    for (int j = 0; j < S; ++j) J(i, j) = scene_.inertia(i, j);
-  }
-  return J;
+  return scene_.inertia;
 }
 
 bool Quantities::isInertiaLost(const StateView& state) const {

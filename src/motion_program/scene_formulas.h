@@ -34,7 +34,7 @@ struct SceneFormulas {
   std::vector<expression::Node> inertia;            ///< J_ii
   std::vector<expression::Node> inertial_torque;    ///< 1/2 J_i' omega^2
   std::vector<expression::Node> connection;         ///< 1/2 J_i' omega
-  /// Of an inertia by formulas, s x s each: J_ij, and B_ij of the connection B J^-1 R.
+  /// An inertia by formulas has J_ij, and B_ij of the connection B J^-1 R, s x s each.
   std::vector<expression::Node> pair, turn;
   std::vector<expression::Branch> signs;  ///< switching functions, of events at the end
   std::vector<expression::Passage> tables;

@@ -76,41 +76,27 @@ std::string join(const std::vector<std::string>& names) {
   return text.empty() ? "none" : text;
 }
 
-/// Puts the path of each relative `file` of the scene in its place: beside the scene, in the folder
-/// that the parameter scene_folder names, or else in the working folder. Throws SceneError where
-/// neither has it.
-void placeFiles(ParameterTree* tree) {
+/// Finds the files of a scene beside it, in the folder that the parameter scene_folder names, or
+/// else in the working folder. Throws SceneError where neither has one.
+void findFiles(ParameterTree* tree) {
   namespace fs = std::filesystem;
-  const ParameterTree::Dictionary& root = tree->asDictionary();
-  const auto given = root.find("scene_folder");
-  const auto isText = [](const ParameterTree& it) {
-    return it.kind() == ParameterTree::Kind::kText;
-  };
-  const std::string folder =
-      given != root.end() && isText(given->second) ? given->second.asText() : "";
-  for (auto& [name, value] : tree->asDictionary()) {
-    if (value.kind() != ParameterTree::Kind::kDictionary) continue;
-    const auto found = value.asDictionary().find("file");
-    if (found == value.asDictionary().end() || !isText(found->second)) continue;
-    const fs::path file = found->second.asText();
-    if (file.empty() || file.is_absolute() || file.string().find("://") != std::string::npos)
-      continue;
+  const auto given = tree->asDictionary().find("scene_folder");
+  const std::string folder = given != tree->asDictionary().end() ? given->second.asText() : "";
+  placeFiles(tree, [&](const std::string& name, const std::string& file) {
     std::vector<fs::path> places = {fs::current_path() / file};
     if (!folder.empty()) places.insert(places.begin(), fs::path(folder) / file);
     const auto place = std::find_if(places.begin(), places.end(),
                                     [](const fs::path& it) { return fs::exists(it); });
-    if (place == places.end()) {
-      throw SceneError(
-          name + "/file",
-          inQuotes(file.string()) + " is " +
-              (folder.empty() ? "not in the working folder" : "neither in 'scene_folder'") + ", " +
-              places.front().string() +
-              (folder.empty() ? "; the parameter 'scene_folder' names the folder of the scene"
-                              : ", nor in the working folder, " + places.back().string()) +
-              "; allowed: a path from there, from the root, or package://PACKAGE/PATH");
-    }
-    found->second = ParameterTree::text(place->lexically_normal().string());
-  }
+    if (place != places.end()) return place->string();
+    throw SceneError(
+        name + "/file",
+        inQuotes(file) + " is " +
+            (folder.empty() ? "not in the working folder" : "neither in 'scene_folder'") + ", " +
+            places.front().string() +
+            (folder.empty() ? "; the parameter 'scene_folder' names the folder of the scene"
+                            : ", nor in the working folder, " + places.back().string()) +
+            "; allowed: a path from there, from the root, or package://PACKAGE/PATH");
+  });
 }
 
 /// Returns the remedy if a key may be left over from an earlier scene, in the dictionary at
@@ -151,7 +137,7 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     EarlyStatus early_status(private_handle);
     ParameterTree tree = readParameters(private_handle);
     applyOwnOverrides(tree);
-    placeFiles(&tree);
+    findFiles(&tree);
     loadParts(&tree);
     const NodeSettings settings = readNodeSettings(tree);
     PluginlibComponentFactory factory;

@@ -235,7 +235,7 @@ VS_FUNCTION_INLINE void vs_eliminate(const scene_series* it, Real* x) {
   vs_move(it, b, x);
 }
 
-/* What a solution leaves of a and g. */
+/* The residuals of a solution: a - J epsilon + D' mu and g - C epsilon. */
 VS_FUNCTION void vs_find_left(const scene_series* it, const Real* b, const Real* x, Real* left) {
   int e, i, j, p;
   for (i = 0; i < S; ++i) {

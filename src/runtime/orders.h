@@ -26,7 +26,8 @@ VS_FUNCTION_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
   return sum;
 }
 
-/* What the lower coefficients of the multipliers of constraint p add to a_n, where D turns */
+/* Adds to a_n the products of the multipliers' lower coefficients with those of D, for constraint
+ * p. */
 VS_FUNCTION_INLINE void vs_add_pulls(const scene_series* it, int p, int n, Real* a) {
   const vs_row* const r = it->row;
   int e;

@@ -1,6 +1,7 @@
 /// YAML as a parameter tree.
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "variator_sim/parameter_tree.h"
@@ -15,7 +16,12 @@ namespace variator_sim {
 /// from the folder of the scene, and the scenes in the files of `parts` come into their places.
 ParameterTree readYamlFile(const std::string& path);
 
-/// Does the last to a tree from elsewhere. Throws SceneError.
+/// Returns the path of the file that the dictionary `name` of a scene gives as `file`.
+using FilePlace = std::function<std::string(const std::string& name, const std::string& file)>;
+/// Puts it in the place of each relative path, but of addresses (package://).
+void placeFiles(ParameterTree* tree, const FilePlace& placeOf);
+
+/// Puts the scenes in the files of `parts` into their places. Throws SceneError.
 void loadParts(ParameterTree* tree);
 
 /// Reads `text` as readYamlFile does; `source_name` stands for the file in messages.
