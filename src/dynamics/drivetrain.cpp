@@ -258,7 +258,7 @@ bool Drivetrain::solveFormal(const double* lambda, const double* right, const do
     for (int j = 0; j < S; ++j) K(i, j) = inertia_.entry(i, j);
   }
   for (int m = 0; m < k; ++m) {
-    const double* const H = &hessians_[static_cast<std::size_t>(m * S * S)];
+    const double* const H = hessians_.data() + m * S * S;
     b(S + m) = -c0[m];
     for (int i = 0; i < S; ++i) {
       K(S + m, i) = solver_.row(m)[i];

@@ -419,7 +419,7 @@ class Drivetrain {
   }
 
   /// H of constraint m, s by s.
-  double* hessian(int m) { return &hessians_[static_cast<std::size_t>(m * S * S)]; }
+  double* hessian(int m) { return hessians_.data() + m * S * S; }
   /// (J - sum lambda_m H_m) x - C^T y = right, C x = -c0, with the rows of C in solver_ and H in
   /// hessians_. Writes x.
   bool solveFormal(const double* lambda, const double* right, const double* c0, double* x) const;

@@ -368,7 +368,7 @@ ParameterTree readYamlValue(const std::string& text, const std::string& source_n
   return readYaml(text, source_name, /*requires_mapping=*/false);
 }
 
-void placeFiles(ParameterTree* tree, const FilePlace& placeOf) {
+void placeFiles(ParameterTree* tree, const FilePlace& place_of) {
   for (auto& [name, value] : tree->asDictionary()) {
     if (value.kind() != ParameterTree::Kind::kDictionary) continue;
     const auto found = value.asDictionary().find("file");
@@ -376,7 +376,7 @@ void placeFiles(ParameterTree* tree, const FilePlace& placeOf) {
     const std::filesystem::path file = found->second.asText();
     if (file.empty() || file.is_absolute() || file.string().find("://") != std::string::npos)
       continue;
-    const std::filesystem::path place = placeOf(name, file.string());
+    const std::filesystem::path place = place_of(name, file.string());
     found->second = ParameterTree::text(place.lexically_normal().string());
   }
 }

@@ -97,7 +97,7 @@ class GeneralInertia {
     for (int i = 0; i < scene.inputCount(); ++i) inputs.insert(i);
     rates_ = expression::ratesOf(graph, S, inputs);
   }
-  expression::Node entry(int i, int j) const { return J_[static_cast<std::size_t>(S * i + j)]; }
+  expression::Node entry(int i, int j) const { return J_.data()[S * i + j]; }
   expression::Node inertialTorque(int i) const {
     expression::Node sum = graph_.constant(0.0);
     for (int j = 0; j < S; ++j) {

@@ -96,6 +96,7 @@ std::string filePathOf(const std::string& name, const std::string& key) {
     if (found != packages.end()) return (found->second / name.substr(slash + 1)).string();
   }
   std::vector<std::string> names;
+  names.reserve(packages.size());
   for (const auto& it : packages) names.push_back(it.first);
   throw SceneError(key, inQuotes(name) + ": there is no package " + inQuotes(package) +
                             suggestName(package, names) + allowed);

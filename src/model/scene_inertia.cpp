@@ -403,7 +403,7 @@ void readInertiaFormulas(ParameterReader& root, Scene* scene) {
   const auto set = [&](int i, int j, Node entry) {
     // (Numbers come into the graph only beside formulas, whose constants they would be.)
     if (J.empty()) J = inertiaOf(graph, *scene);
-    J[static_cast<std::size_t>(S * i + j)] = J[static_cast<std::size_t>(S * j + i)] = entry;
+    J.data()[S * i + j] = J.data()[S * j + i] = entry;
     are_constant = are_constant && graph.isConstant(entry);
   };
   bool is_any = false;

@@ -147,7 +147,7 @@ ParameterTree addInertias(const ParameterTree& a, const ParameterTree& b, const 
   };
   const Dictionary first = partsOf(a);
   const Dictionary second = partsOf(b);
-  const ParameterTree mean = ParameterTree::real(meanOf(first) + meanOf(second));
+  ParameterTree mean = ParameterTree::real(meanOf(first) + meanOf(second));
   ParameterTree::List harmonics;
   for (const Dictionary* of : {&first, &second}) {
     const auto found = of->find("harmonics");
@@ -158,6 +158,11 @@ ParameterTree addInertias(const ParameterTree& a, const ParameterTree& b, const 
   if (harmonics.empty()) return mean;
   return ParameterTree::dictionary(
       {{"mean", mean}, {"harmonics", ParameterTree::list(std::move(harmonics))}});
+}
+
+/// Returns the path of a shaft in `connect` of a part.
+std::string connectPath(const std::string& part, const std::string& shaft) {
+  return part + "/connect/" + shaft;
 }
 
 /// Puts the parts of one scene into its lists.
@@ -263,8 +268,9 @@ class Merge {
       Part& part = made_[name];
       const std::vector<std::string> its = namesAt(part.scene, "shafts", name);
       for (const std::string& shaft : its) {
-        part.shafts[shaft] = name + "/" + shaft;
-        if (part.connected.count(shaft) == 0) all.push_back(name + "/" + shaft);
+        std::string& path = part.shafts[shaft];
+        path.append(name).append("/").append(shaft);
+        if (part.connected.count(shaft) == 0) all.push_back(path);
       }
       for (const auto& [shaft, outer] : part.connected) {
         if (part.shafts.count(shaft) > 0) continue;
@@ -276,16 +282,15 @@ class Merge {
       Part& part = made_[name];
       std::set<std::string> taken;
       for (const auto& [shaft, outer] : part.connected) {
+        const std::string path = connectPath(name, shaft);
         if (std::find(all.begin(), all.end(), outer) == all.end()) {
           throw SceneError(
-              name + "/connect/" + shaft,
-              inQuotes(outer) + " is not a shaft of this scene" + suggestAmong(outer, all));
+              path, inQuotes(outer) + " is not a shaft of this scene" + suggestAmong(outer, all));
         }
         if (!taken.insert(outer).second) {
-          throw SceneError(name + "/connect/" + shaft,
-                           inQuotes(outer) +
-                               " is connected twice: shafts that turn together are "
-                               "one shaft in the part, too");
+          throw SceneError(path, inQuotes(outer) +
+                                     " is connected twice: shafts that turn together are "
+                                     "one shaft in the part, too");
         }
         part.shafts[shaft] = outer;
       }

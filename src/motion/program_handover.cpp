@@ -143,7 +143,7 @@ void ProgramMotion::noteEnergy() {
   if (motion_->energy_meter.isWatched()) {
     host_->look(entries_.data());
     for (int m = 0; m < scene.constraintCount(); ++m) {
-      std::copy_n(&entries_[static_cast<std::size_t>(S * m)], S, rows_[m]);
+      std::copy_n(entries_.data() + S * m, S, rows_[m]);
     }
   }
   motion_->energy_meter.noteStepElsewhere(frontTime(), work, through_, state_, rows_.get());

@@ -19,7 +19,7 @@ ParameterTree readYamlFile(const std::string& path);
 /// Returns the path of the file that the dictionary `name` of a scene gives as `file`.
 using FilePlace = std::function<std::string(const std::string& name, const std::string& file)>;
 /// Puts it in the place of each relative path, but of addresses (package://).
-void placeFiles(ParameterTree* tree, const FilePlace& placeOf);
+void placeFiles(ParameterTree* tree, const FilePlace& place_of);
 
 /// Puts the scenes in the files of `parts` into their places. Throws SceneError.
 void loadParts(ParameterTree* tree);
