@@ -1,5 +1,7 @@
-"""Generated sections of pages: between `<!-- begin generated: NAME -->` and `<!-- end generated -->`."""
+"""Generated sections of pages, between `<!-- begin generated: NAME -->` and `<!-- end generated -->`,
+and tables of all rows as CSV files beside the pages."""
 
+import csv
 import pathlib
 import sys
 
@@ -18,6 +20,13 @@ def table(head, rows):
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     lines += ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join(lines) + "\n"
+
+
+def write_csv(path, head, rows):
+    path = pathlib.Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([head, *rows])
 
 
 def write_section(path, name, section):

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Draws the families of methods of doc/benchmarks.md from the tables of that page.
+"""Draws the families of methods of doc/evidence.md from the table of run times at equal error.
 
 Three pictures: run time against error, a panel for each scene; the same for the stiff scene, a
 panel for each time constant tau of the slip; and run time to one error against tau. A line is the
@@ -7,6 +7,7 @@ best method of a family; the tables name which one.
 """
 
 import argparse
+import csv
 import pathlib
 import re
 
@@ -23,19 +24,16 @@ NAMES = {"ours, best": "variator_sim"}
 TAU_TARGET = 1e-6
 
 
-def read_times(document):
-    """{scene: {family: [(error, milliseconds)]}} of the tables of run times at equal error."""
+def read_times(table):
+    """{scene: {family: [(error, milliseconds)]}} of the table of run times at equal error."""
     times = {}
-    text = pathlib.Path(document).read_text(encoding="utf-8")
-    for error, table in re.findall(r"^\*\*Error (\S+)\*\*\n\n((?:\|.*\n)+)", text, flags=re.MULTILINE):
-        header, _, *rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
-        for row in rows:
-            cells = dict(zip(header, row))
+    with open(table, encoding="utf-8", newline="") as file:
+        for cells in csv.DictReader(file):
             by_family = times.setdefault(cells["scene"], {})
             for family in FAMILIES:
-                number = re.match(r"\**([0-9.e+-]*[0-9])", cells.get(family, "-"))
+                number = re.match(r"[0-9.e+-]*[0-9]", cells.get(family, "-"))
                 if number:
-                    by_family.setdefault(family, []).append((float(error), float(number[1])))
+                    by_family.setdefault(family, []).append((float(cells["error"]), float(number[0])))
     return times
 
 
@@ -114,10 +112,10 @@ def pictures_of(scenes):
     return pictures
 
 
-def draw(document, folder):
-    """Draws all pictures of the page's tables."""
+def draw(table, folder):
+    """Draws all pictures of the table of run times."""
     folder = pathlib.Path(folder)
-    times = read_times(document)
+    times = read_times(table)
     others = {scene: by_family for scene, by_family in times.items() if not scene.startswith(STIFF)}
     if others:
         draw_panels(others, 3, folder / "families.png")
@@ -131,10 +129,10 @@ def draw(document, folder):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--document", default="doc/benchmarks.md", help="page with the tables")
+    parser.add_argument("--table", default="doc/tables/work_precision.csv")
     parser.add_argument("--pictures", default="doc/pictures/benchmarks", help="folder")
     arguments = parser.parse_args()
-    draw(arguments.document, arguments.pictures)
+    draw(arguments.table, arguments.pictures)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
 #!/usr/bin/python3
-"""Writes the tables of the rows of work_precision into doc/benchmarks.md, and draws them.
+"""Writes the summary of the rows of work_precision into doc/evidence.md, all tables, and pictures.
 
-The tables stand between the markers `<!-- begin generated: work precision -->` and
-`<!-- end generated -->`; plot_families.py draws the pictures from them.
+The summary stands between the markers `<!-- begin generated: work precision -->` and
+`<!-- end generated -->`. The folder of tables gets work_precision.csv, the run times at equal error,
+from which plot_families.py draws the pictures, and failures.csv.
 """
 
 import argparse
@@ -96,16 +97,20 @@ def show_exponent(number):
     return f"1e-{round(-math.log10(number))}"
 
 
-def target_table(scenes, target):
-    """One row per scene; times in ms."""
+TARGET_HEAD = ("error", "scene", "ours, best", "auto, machine code", "auto, formulas", "SUNDIALS", "Odeint", "GSL",
+               "best peer / ours")
+
+
+def target_rows(scenes, target):
+    """One row per scene; times in ms, interpolated between the two runs that bracket the error."""
     rows = []
     for name, curves in scenes.items():
         ours = best_of(curves, lambda m, f: family_of(m) == "ours", target)
-        cells = [name]
+        cells = [show_exponent(target), name]
         if ours is None:
             cells.append("-")
         else:
-            cells.append(f"**{ours[0]:.3g}** {short_name(ours[1][0])}")
+            cells.append(f"{ours[0]:.3g} {short_name(ours[1][0])}")
         for form in ("machine code", "formulas"):
             points = curves.get(("ours auto", form))
             cells.append(show_time(time_at(points, target)) if points else "-")
@@ -124,8 +129,7 @@ def target_table(scenes, target):
         else:
             cells.append(f"{min(peers) / ours[0]:.2g}")
         rows.append(cells)
-    return document.table(["scene", "ours, best", "auto, machine code", "auto, formulas", "SUNDIALS", "Odeint",
-                  "GSL", "best peer / ours"], rows)
+    return rows
 
 
 def summary_table(scenes):
@@ -187,7 +191,11 @@ def delivered_table(scenes):
     return document.table(["stepper", "scenes", *map(show_exponent, tolerances), "monotone"], rows)
 
 
-def failure_table(scenes):
+FAILURE_HEAD = ("method", "runs", "reason: scenes (number of tolerances)")
+
+
+def failure_rows(scenes):
+    """Runs without a result. `not run`: the method was too slow at a larger tolerance or a larger tau."""
     failed = {}
     total = collections.Counter()
     for name, curves in scenes.items():
@@ -205,39 +213,32 @@ def failure_table(scenes):
                                       for name, number in names.items())
             for reason, names in reasons.items())
         rows.append([f"{method}, {form}", f"{count} of {total[(method, form)]}", text])
-    return document.table(["method", "runs", "why, in which scenes (at how many tolerances)"], rows)
+    return rows
 
 
 def make_section(heads, scenes):
-    parts = ["Measured on:\n\n" + "\n".join(f"- {line}" for line in heads) + "\n"]
-    parts.append("### Summary\n\nRun time of the best method of a family / run time of our best "
-                 "one, at equal error: above 1 the peer takes longer. Geometric mean over the "
-                 "scenes that both reach, least and largest in brackets.\n")
+    parts = ["Measured on: " + ", ".join(heads) + ".\n"]
+    parts.append("Run time of the best method of a family / best run time of this package, at equal error: "
+                 "above 1 the peer takes longer. Geometric mean over the scenes that both reach, least and "
+                 "largest in brackets.\n")
     for title, stiff in (("Scenes that are not stiff", False), ("Stiff scenes", True)):
         chosen = {name: curves for name, curves in scenes.items()
                   if name.startswith("stiff") == stiff}
         if chosen:
             parts.append(f"**{title}**\n\n" + summary_table(chosen))
-    parts.append("### Pictures\n\n" +
-                 "\n".join(f"![{caption}](pictures/benchmarks/{file})\n"
+    parts.append("\n".join(f"![{caption}](pictures/benchmarks/{file})\n"
                            for file, caption in plot_families.pictures_of(scenes)))
-    parts.append("### Run time, ms, at equal error\n\nInterpolated between the two runs that "
-                 "bracket the error; `-`: never reached.\n")
-    for target in TARGETS:
-        parts.append(f"**Error {show_exponent(target)}**\n\n" + target_table(scenes, target))
-    parts.append("### Error delivered / tolerance asked, ours\n\nThe largest over the scenes, at "
-                 "the end of the run; machine code where it was measured. `monotone`: scenes "
-                 "in which every smaller tolerance gave a smaller error, down to 1e-12.\n\n" +
-                 delivered_table(scenes))
-    parts.append("### Failures\n\nRuns without a result. `not run`: the method was too slow at a "
-                 "larger tolerance or a larger τ.\n\n" + failure_table(scenes))
+    parts.append("**Error at the end / tolerance** of this package, the largest over the scenes; machine code "
+                 "where it was measured. `monotone`: scenes in which every smaller tolerance gave a smaller "
+                 "error, down to 1e-12.\n\n" + delivered_table(scenes))
     return "\n".join(parts)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("rows", nargs="+", help="CSV files of work_precision")
-    parser.add_argument("--document", default="doc/benchmarks.md")
+    parser.add_argument("--document", default="doc/evidence.md")
+    parser.add_argument("--tables", default="doc/tables", help="folder")
     parser.add_argument("--pictures", default="doc/pictures/benchmarks", help="folder")
     arguments = parser.parse_args()
 
@@ -245,7 +246,11 @@ def main():
     folder = pathlib.Path(arguments.pictures)
     folder.mkdir(parents=True, exist_ok=True)
     document.write_section(arguments.document, "work precision", make_section(heads, scenes))
-    plot_families.draw(arguments.document, folder)
+    tables = pathlib.Path(arguments.tables)
+    times = tables / "work_precision.csv"
+    document.write_csv(times, TARGET_HEAD, [row for target in TARGETS for row in target_rows(scenes, target)])
+    document.write_csv(tables / "failures.csv", FAILURE_HEAD, failure_rows(scenes))
+    plot_families.draw(times, folder)
 
 
 if __name__ == "__main__":

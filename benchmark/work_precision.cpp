@@ -1,5 +1,5 @@
 // Work against precision: our steppers beside general solvers, on hand-written scenes for those.
-// doc/benchmarks.md explains the measurement.
+// doc/evidence.md explains the measurement.
 #include <algorithm>
 #include <chrono>
 #include <cmath>

@@ -7,7 +7,7 @@ import tempfile
 import roslib.packages
 import yaml
 
-# Keys of this package's laws that a command may stand for (doc/torques.md, doc/constraints.md).
+# Keys of this package's laws that a command may stand for (doc/scene.md).
 UNITS = {"acceleration": "rad/s²", "command": "1", "coulomb": "N m", "damping": "N m s/rad",
          "efficiency": "1", "grade": "1", "jerk": "rad/s³", "limit": "rad/s³", "load": "N m",
          "magnitude": "rad/s²", "mass": "kg", "power": "W", "rack": "1", "ratio": "1",

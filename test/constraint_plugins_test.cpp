@@ -433,9 +433,9 @@ TEST(Plugins, RefuseFaultsByPath) {
 TEST(Documentation, ExamplesAreReadRunAndEveryKeyIsThere) {
   std::set<std::string> types{"variator_sim/ExpressionConstraint"};
   BuiltinComponentFactory factory;
-  for (const std::string& example : test::readExamples("constraints.md")) {
+  for (const std::string& example : test::readExamples("Constraints")) {
     SCOPED_TRACE(example);
-    const ParameterTree parsed = readYamlText(example, "doc/constraints.md");
+    const ParameterTree parsed = readYamlText(example, "doc/scene.md");
     const auto& [name, dictionary] = *parsed.asDictionary().begin();
     const std::string text =
         "shafts: [drive, load]\ndrive: {inertia: 0.8}\nload: {inertia: 2}\n"
@@ -443,7 +443,7 @@ TEST(Documentation, ExamplesAreReadRunAndEveryKeyIsThere) {
         "torques: [motor]\nmotor: {type: variator_sim/ExpressionTorque, "
         "shaft: drive, torque: \"5-0.1*w1\"}\nconstraints: [" +
         name + "]\n" + example;
-    ParameterTree tree = readYamlText(text, "doc/constraints.md");
+    ParameterTree tree = readYamlText(text, "doc/scene.md");
     Simulation simulation(readScene(tree, factory));
     EXPECT_TRUE(simulation.advanceTo(0.5).ok()) << simulation.describeStatus();
 
@@ -453,7 +453,7 @@ TEST(Documentation, ExamplesAreReadRunAndEveryKeyIsThere) {
     std::set<std::string> allowed = test::allowedKeys(tree, element);
     allowed.erase("type");
     const std::set<std::string> documented =
-        test::documentedKeys("constraints.md", type.substr(type.find('/') + 1));
+        test::documentedKeys(type.substr(type.find('/') + 1));
     for (const std::string& key : allowed) EXPECT_EQ(documented.count(key), 1U) << key;
   }
   const std::vector<std::string> all = factory.constraintTypes();

@@ -21,7 +21,7 @@ ASKED = re.compile(r"\b(?:number|numbers|quantity|text|integer|boolean|choice|na
                    r'\(\s*"([a-z_]+)"')
 READERS = [*FOLDER.glob("src/laws/*.cpp"), *FOLDER.glob("src/model/*.cpp"),
            FOLDER / "src/ros/node_settings.cpp"]
-REFERENCE = ["doc/scene.md", "doc/constraints.md", "doc/torques.md", "doc/holding.md", "doc/states.md", "doc/node.md"]
+REFERENCE = ["doc/scene.md", "doc/node.md"]
 
 
 def without_code(text):
@@ -61,7 +61,7 @@ class DocumentsTest(TestCase):
                     self.assertTrue(file.exists(), f"{file} does not exist")
                     if anchor:
                         self.assertIn(anchor, anchors(file))
-        self.assertGreater(count, 200)
+        self.assertGreater(count, 150)
 
     def test_every_page_is_in_the_readme(self):
         readme = (FOLDER / "README.md").read_text(encoding="utf-8")
@@ -71,7 +71,11 @@ class DocumentsTest(TestCase):
 
     def test_readme_is_short(self):
         lines = (FOLDER / "README.md").read_text(encoding="utf-8").count("\n")
-        self.assertLess(lines, 190, "what is to be looked up belongs on a page of doc/")
+        self.assertLessEqual(lines, 120, "reference belongs on a page of doc/")
+
+    def test_pages_are_few(self):
+        """With the README there are at most 18 pages."""
+        self.assertLessEqual(1 + len(list(FOLDER.glob("doc/**/*.md"))), 18)
 
     def test_drawings(self):
         with tempfile.TemporaryDirectory() as folder:

@@ -357,7 +357,7 @@ TEST(EnergyDoubt, ComesWhenTheReactionsHaveFivePercent) {
   EXPECT_GT(doubt.throughput, 100.0);
   const std::string text = describe(doubt);
   for (const char* word :
-       {"generalized_gauss", "doc/principles.md", "principle: gauss", " J", "%"}) {
+       {"generalized_gauss", "doc/theory.md", "principle: gauss", " J", "%"}) {
     EXPECT_NE(text.find(word), std::string::npos) << text;
   }
 }

@@ -100,7 +100,7 @@ class FaultsTest(TestCase):
         self.assertEqual(node.returncode, 0, output)
         # (That it was ready, and a word on the energy of the reactions, are no faults.)
         words = [line for line in output.splitlines()
-                 if ': ready: ' not in line and 'doc/principles.md' not in line]
+                 if ': ready: ' not in line and 'doc/theory.md' not in line]
         self.assertEqual(words, [])
         return output
 

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 """Access to a running node: on which addresses its ports and a master's are open, and what the launch
-files ask for (doc/security.md)."""
+files ask for (doc/evidence.md)."""
 
 import os
 import pathlib

@@ -140,7 +140,7 @@ class DiagnosticsTest(TestCase):
         self.assertTrue(node.step(3.0).success)
         status = self.wait_for_status('live', word, 'a word')
         self.assertEqual(status.level, DiagnosticStatus.OK)
-        for part in ('generalized_gauss', '%', 'doc/principles.md'):
+        for part in ('generalized_gauss', '%', 'doc/theory.md'):
             self.assertIn(part, word(status))
         node.trigger('reset')
         self.wait_for_status('live', lambda s: word(s) == '', 'no word')

@@ -350,7 +350,7 @@ class SimulateTest(SimulateTestCase):
         result = self.simulate(scene, *arguments, "--stats")
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(result.stderr.count("warning"), 1, result.stderr)
-        for word in ("generalized_gauss", "fed in", "%", "doc/principles.md", "principle: gauss"):
+        for word in ("generalized_gauss", "fed in", "%", "doc/theory.md", "principle: gauss"):
             self.assertIn(word, result.stderr)
         last = parse(result.stdout)[1][-1]
         self.assertGreater(last[3], 0.05 * last[2])

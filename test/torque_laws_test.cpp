@@ -868,8 +868,8 @@ Scene sceneOfExamples(const std::vector<std::string>& examples) {
 
 TEST(Documentation, ExamplesAreReadAndEveryTypeAndKeyIsThere) {
   std::map<std::string, std::set<std::string>> keys;
-  std::vector<std::string> examples = test::readExamples("torques.md");
-  for (const std::string& example : test::readExamples("holding.md")) {
+  std::vector<std::string> examples = test::readExamples("Torques");
+  for (const std::string& example : test::readExamples("Elements with modes")) {
     examples.push_back(example);
     const Scene scene = sceneOfExamples({example});
     for (const TorquePtr& element : scene.torques) {
@@ -898,18 +898,15 @@ TEST(Documentation, ExamplesAreReadAndEveryTypeAndKeyIsThere) {
   for (auto& [type, known] : keys) {
     known.erase("type");
     const std::string name = type.substr(type.find('/') + 1);
-    std::set<std::string> documented = test::documentedKeys("torques.md", name);
-    documented.merge(test::documentedKeys("holding.md", name));
-    EXPECT_EQ(documented, known) << type;
+    EXPECT_EQ(test::documentedKeys(name), known) << type;
     types.insert(type);
   }
-  // The other two are documented with the scene's format.
   const std::vector<std::string> all = BuiltinComponentFactory().torqueTypes();
   EXPECT_EQ(types, std::set<std::string>(all.begin(), all.end()));
 }
 
 TEST(Documentation, ExamplesRunTogether) {
-  Simulation simulation(sceneOfExamples(test::readExamples("torques.md")));
+  Simulation simulation(sceneOfExamples(test::readExamples("Torques")));
   for (int n = 1; n <= 40; ++n) {
     if (n == 10) {
       for (int i = 0; i < simulation.scene().inputCount(); ++i) simulation.command(i, 0.6);
@@ -1027,7 +1024,7 @@ TEST(Laws, HaveTheDerivativesOfTheirRatesAndDependOnWhatTheyState) {
 
 /// All elements of the documentation at extreme states, but for those that others cover.
 TEST(Laws, AreFiniteFarAway) {
-  const Scene scene = sceneOfExamples(test::readExamples("torques.md"));
+  const Scene scene = sceneOfExamples(test::readExamples("Torques"));
   double input[kMaxInputs] = {};
   double input_rate[kMaxInputs] = {};
   for (double& u : input) u = 0.5;
@@ -1054,7 +1051,7 @@ TEST(Laws, AreFiniteFarAway) {
 }
 
 TEST(Laws, PassOnWhatIsNotANumber) {
-  const Scene scene = sceneOfExamples(test::readExamples("torques.md"));
+  const Scene scene = sceneOfExamples(test::readExamples("Torques"));
   const double nothing[] = {kNan, kNan};
   const double acceleration[] = {1.0, 2.0};
   double input[kMaxInputs] = {};
@@ -1072,7 +1069,7 @@ TEST(Laws, PassOnWhatIsNotANumber) {
 
 #ifdef VARIATOR_SIM_COUNTS_ALLOCATIONS
 TEST(Laws, AllocateNothing) {
-  const Scene scene = sceneOfExamples(test::readExamples("torques.md"));
+  const Scene scene = sceneOfExamples(test::readExamples("Torques"));
   double input[kMaxInputs] = {};
   double input_rate[kMaxInputs] = {};
   for (double& u : input) u = 0.5;

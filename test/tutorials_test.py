@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""The tutorials run as they are written: files and commands are taken out of the pages.
+"""The pages run as they are written: files and commands are taken out of them.
 
-In a page of doc/tutorials, in doc/modelling.md and in doc/stops.md,
+In the README and in every page of doc/,
 - a fenced block after a line that ends with "`NAME`:" is the file NAME;
 - a block of `sh` is run by bash, all of them of one page in one folder, in order; it has to succeed
   (`|| true` says that it may not);
@@ -60,7 +60,7 @@ class TutorialsTest(unittest.TestCase):
                     ran += 1
                 elif kind == "text":
                     self.assertRegex(printed, re.compile(pattern(text), re.DOTALL))
-            self.assertGreater(ran, 0, "a tutorial without commands")
+            self.assertGreater(ran, 0, "a page without commands")
 
     def run_commands(self, text, folder, environment):
         pathlib.Path(folder).mkdir(exist_ok=True)
@@ -78,9 +78,11 @@ class TutorialsTest(unittest.TestCase):
 
 
 def add_tests():
-    """One for each page, so that a failure names it."""
-    pages = [FOLDER / "doc/modelling.md", FOLDER / "doc/stops.md", *sorted(FOLDER.glob("doc/tutorials/*.md"))]
+    """Adds one test for each page, so that a failure names it."""
+    pages = [FOLDER / "README.md", *sorted(FOLDER.glob("doc/**/*.md"))]
     for page in pages:
+        if not any(kind == "sh" for kind, _, _ in blocks(page)):
+            continue
         setattr(TutorialsTest, f"test_{page.stem}", lambda self, page=page: self.run_page(page))
 
 

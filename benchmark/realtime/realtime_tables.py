@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Writes the rows of run_realtime.py as tables into doc/realtime.md.
+"""Writes the rows of run_realtime.py with a goal into doc/node.md, and all rows as CSV.
 
 Between the markers `<!-- begin generated: realtime -->` and `<!-- end generated -->`.
 """
@@ -121,7 +121,7 @@ def show_goal(goal):
     return "at most " + " and ".join(parts)
 
 
-def goals_table(values):
+def goal_rows(values):
     cells = []
     for goal in GOALS:
         compared = compare(values, goal.row, "variator", goal.peer, goal.quantity)
@@ -133,10 +133,10 @@ def goals_table(values):
                       f"{show_range(theirs)} {goal.unit}",
                       show_range(ratios) if ratios else "", show(statistics.median(differences)),
                       show_goal(goal), judge(goal, ratios, differences)])
-    return document.table(["what", "ours", "peer", "ratio", "difference", "goal", "met"], cells)
+    return cells
 
 
-def more_table(values):
+def more_rows(values):
     cells = []
     for row, what, variant, peer, quantity, unit in MORE:
         compared = compare(values, row, variant, peer, quantity)
@@ -144,13 +144,13 @@ def more_table(values):
             ours, theirs, ratios, _ = compared
             cells.append([what, f"{show_range(ours)} {unit}", f"{show_range(theirs)} {unit}",
                           show_range(ratios) if ratios else ""])
-    return document.table(["what", "ours", "peer", "ratio"], cells)
+    return cells
 
 
-def flood_table(values):
+def flood_rows(values):
     resident = values.get(("flood", "variator", "resident"), {})
     if not resident:
-        return "Not measured.\n"
+        return []
     samples = [resident[i] for i in sorted(resident)]
     part = max(1, len(samples) // 10)
     first, last = samples[:part], samples[-part:]
@@ -159,21 +159,30 @@ def flood_table(values):
     cells += [["resident memory in the first tenth, MB", f"{statistics.mean(first):.3f}"],
               ["in the last tenth, MB", f"{statistics.mean(last):.3f}"],
               ["greatest, MB", f"{max(samples):.3f}"]]
-    return document.table(["commands at 10 kHz, a subscriber that never reads", ""], cells)
+    return cells
 
 
 def section(head, values):
-    return ("Measured on:\n\n" + "\n".join(f"- {line}" for line in head) + "\n\n" +
-            goals_table(values) + "\n" + flood_table(values) + "\nWithout a goal:\n\n" +
-            more_table(values))
+    return ("Measured on: " + ", ".join(head) + ".\n\n" +
+            document.table(["quantity", "node", "peer", "ratio", "difference", "goal", "met"], goal_rows(values)))
+
+
+def all_rows(values):
+    """Rows of all measurements: quantity, node, peer, ratio."""
+    flood = [[f"commands at 10 kHz, a subscriber that never reads: {name}", value, "", ""]
+             for name, value in flood_rows(values)]
+    return [row[:4] for row in goal_rows(values)] + more_rows(values) + flood
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("rows", help="CSV file of run_realtime.py")
-    parser.add_argument("--document", default="doc/realtime.md")
+    parser.add_argument("--document", default="doc/node.md")
+    parser.add_argument("--table", default="doc/tables/realtime.csv")
     arguments = parser.parse_args()
-    document.write_section(arguments.document, "realtime", section(*read_rows(arguments.rows)))
+    head, values = read_rows(arguments.rows)
+    document.write_section(arguments.document, "realtime", section(head, values))
+    document.write_csv(arguments.table, ["quantity", "node", "peer", "ratio"], all_rows(values))
 
 
 if __name__ == "__main__":

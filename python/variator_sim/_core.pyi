@@ -173,7 +173,7 @@ class Simulation:
         """Goes on from a state, or from a part of one: the rest stays as it is.
 
         Args:
-            state: of `state`, or such as {"shafts": {"drive": {"velocity": 5.0}}} (doc/states.md).
+            state: of `state`, or such as {"shafts": {"drive": {"velocity": 5.0}}} (doc/scene.md).
             project: move inconsistent values to the nearest consistent ones.
         """
     def take_events(self) -> List[Dict[str, Any]]:

@@ -32,7 +32,7 @@ class MotionStopped(RuntimeError):
     """The motion stopped; nothing moves any more until `Simulation.reset` or `set_state`.
 
     Attributes:
-        reason: "SingularConstraint", "StepUnderflow", "NonFiniteValue", ... (doc/theory.md).
+        reason: "SingularConstraint", "StepUnderflow", "NonFiniteValue", ... (doc/programs.md).
         time: time reached, s.
         sample: the last good state, a `Sample`.
         constraint, torque: name of the element at fault, or None.

@@ -51,7 +51,7 @@ void warnOfEnergy(const Constraint& constraint, Scene* scene) {
       " take or give energy (--energy shows how much): it is not proportional to the speeds, so "
       "C = df/dw is not in their ratio; for a ratio that follows a speed and loses nothing take "
       "variator_sim/KinematicRatio, whose 'reaction' is 'lossless' by default "
-      "(doc/constraints.md)");
+      "(doc/scene.md)");
 }
 
 }  // namespace variator_sim

@@ -50,7 +50,7 @@ std::string describe(const EnergyDoubt& doubt) {
       "(first more than 5 %% at t = %.6g s): while C turns they remember what they were, and feed "
       "or "
       "drain the machine; a lossless ratio without memory is 'principle: gauss' "
-      "(doc/principles.md)",
+      "(doc/theory.md)",
       doubt.reactions < 0.0 ? "taken" : "fed in", std::abs(doubt.reactions), doubt.time, share,
       doubt.since);
   return text;

@@ -50,7 +50,7 @@ inline Scene withFewSteps(Scene scene) {
   return scene;
 }
 
-/// Nothing in `scene` has a reason to stop. Exceptions are those of doc/stability.md: an implicit
+/// Nothing in `scene` has a reason to stop. Exceptions are those of doc/evidence.md: an implicit
 /// stepper by name at an event, and rounding of the state alone under `gauss`.
 inline void expectNoStop(const Run& run, const Scene& scene, const std::string& label) {
   const StepperKind stepper = scene.solver.stepper;

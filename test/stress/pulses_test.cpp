@@ -284,7 +284,7 @@ TEST(Pulses, Touches) {
         // polynomials that every method follows but for rounding; of time there is no error.
         const bool is_time = std::string(touch.name) == "time";
         // Speed and time take the same way, of which enclosures know nothing: right, but slow
-        // (doc/stability.md).
+        // (doc/evidence.md).
         const bool is_slow = std::string(touch.name) == "velocity and time";
         if (is_slow && depth < 1e-7) continue;
         compareAll(

@@ -299,7 +299,7 @@ TEST(Singularity, ConstraintVanishes) {
         hazard.judge(error, label);
         // ... and the stop comes there. Only a step that leaves C as it was (its zero lies
         // inside, and beyond it C grows again in the same direction) may pass: where the motion
-        // is not determined, no error tells of that (doc/stability.md).
+        // is not determined, no error tells of that (doc/evidence.md).
         if (run.reason == StopReason::kNone) continue;
         hazard.stopped(run.reason, label);
         EXPECT_LE(run.end, T * (1.0 + 1e-9)) << label;

@@ -282,7 +282,7 @@ TEST(Stiffness, ElasticCoupling) {
           for (const Method& method : methodsOf(scene, tolerances())) {
             double allowed = kAllowed * growth;
             // Accelerations that are a state and are projected onto those of the torques know
-            // these to the rounding of the angles, of size 1 (doc/stability.md).
+            // these to the rounding of the angles, of size 1 (doc/evidence.md).
             if (order == 3 && principle == Principle::kGauss) {
               allowed += 64.0 * std::numeric_limits<double>::epsilon() * drive.stiffness /
                          method.tolerance;

@@ -1,4 +1,4 @@
-/// Pages of doc/ that describe types of elements: their examples, and the keys in their tables.
+/// Reads doc/scene.md: the examples of its chapters, and the keys in the tables of its types.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -14,18 +14,20 @@
 
 namespace variator_sim::test {
 
-inline std::ifstream openPage(const std::string& page) {
-  return std::ifstream(std::string(VARIATOR_SIM_TEST_DIR) + "/../doc/" + page);
+inline std::ifstream openScenePage() {
+  return std::ifstream(std::string(VARIATOR_SIM_TEST_DIR) + "/../doc/scene.md");
 }
 
-/// The text between each ```yaml and the next ```.
-inline std::vector<std::string> readExamples(const std::string& page) {
-  std::ifstream file = openPage(page);
+/// Returns the text between each ```yaml and the next ``` of a chapter, "## " + `chapter`.
+inline std::vector<std::string> readExamples(const std::string& chapter) {
+  std::ifstream file = openScenePage();
   std::vector<std::string> examples;
+  bool in_chapter = false;
   bool inside = false;
   for (std::string line; std::getline(file, line);) {
+    if (line.rfind("## ", 0) == 0) in_chapter = line == "## " + chapter;
     if (line.rfind("```", 0) == 0) {
-      inside = !inside && line == "```yaml";
+      inside = in_chapter && !inside && line == "```yaml";
       if (inside) examples.emplace_back();
     } else if (inside) {
       examples.back() += line + "\n";
@@ -34,14 +36,16 @@ inline std::vector<std::string> readExamples(const std::string& page) {
   return examples;
 }
 
-/// The keys in the first column of the tables "| key | ..." below the heading of a type.
-inline std::set<std::string> documentedKeys(const std::string& page, const std::string& type) {
-  std::ifstream file = openPage(page);
+/// Returns the keys in the first column of the tables "| key | ..." below the heading of a type.
+inline std::set<std::string> documentedKeys(const std::string& type) {
+  std::ifstream file = openScenePage();
   std::set<std::string> keys;
   bool in_section = false;
   bool in_table = false;
   for (std::string line; std::getline(file, line);) {
-    if (line.rfind("## ", 0) == 0) in_section = line == "## " + type;
+    if (line.rfind("## ", 0) == 0 || line.rfind("### ", 0) == 0) {
+      in_section = line == "### " + type;
+    }
     if (line.rfind("| key |", 0) == 0) in_table = true;
     if (line.empty()) in_table = false;
     const std::size_t begin = line.find('`');
@@ -51,7 +55,7 @@ inline std::set<std::string> documentedKeys(const std::string& page, const std::
   return keys;
 }
 
-/// The keys that the message for an unknown one in `dictionary`, a part of `scene`, allows.
+/// Returns the keys that the message for an unknown one in `dictionary`, a part of `scene`, allows.
 inline std::set<std::string> allowedKeys(const ParameterTree& scene, ParameterTree& dictionary) {
   std::set<std::string> keys;
   dictionary.asDictionary()["unknown_key"] = ParameterTree::integer(1);

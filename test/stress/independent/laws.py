@@ -1,4 +1,4 @@
-"""The laws of doc/torques.md and doc/constraints.md, tables and commanded inputs, as graphs.
+"""The laws of doc/scene.md, tables and commanded inputs, as graphs.
 
 Written from those pages, not from the C++ sources: where the two differ, one of them is wrong.
 """
@@ -11,7 +11,7 @@ GRAVITY = 9.80665  # m/s^2, standard
 
 
 class Table:
-    """Quintic Hermite through points, with the slopes and second derivatives of doc/torques.md and
+    """Quintic Hermite through points, with the slopes and second derivatives of doc/scene.md and
     include/variator_sim/table.h; its pieces are 0 (before the first point) to n (after the last)."""
 
     def __init__(self, x, y, beyond="constant"):
