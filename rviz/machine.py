@@ -1,4 +1,4 @@
-"""Where the parts of a scene stand in space, for the URDF and the markers."""
+"""Positions of the parts of a scene in space, for the URDF and the markers."""
 
 import collections
 import re
@@ -25,7 +25,7 @@ def mean_inertia(node):
 
 
 class Machine:
-    """Of a scene's tree, as YAML has it."""
+    """Reads a scene's tree, as YAML has it."""
 
     # From the front (looking along +y): torques, belts, wheels, torque elements between shafts.
     wheel_y = 0.15

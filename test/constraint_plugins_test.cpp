@@ -452,8 +452,7 @@ TEST(Documentation, ExamplesAreReadRunAndEveryKeyIsThere) {
     types.insert(type);
     std::set<std::string> allowed = test::allowedKeys(tree, element);
     allowed.erase("type");
-    const std::set<std::string> documented =
-        test::documentedKeys(type.substr(type.find('/') + 1));
+    const std::set<std::string> documented = test::documentedKeys(type.substr(type.find('/') + 1));
     for (const std::string& key : allowed) EXPECT_EQ(documented.count(key), 1U) << key;
   }
   const std::vector<std::string> all = factory.constraintTypes();

@@ -143,7 +143,7 @@ class FmuTest(TestCase):
             for at, reference, value in commands:
                 if at == goal:
                     self.assertEqual(instance.try_set({reference: value}), OK)
-            # (What elements that hold do to each shaft is in no FMU.)
+            # FMUs have no torques of elements with modes on single shafts.
             columns = [it for it in row if not it.endswith("/mode")
                        and (it in instance.archive.reference or not it.startswith("clutch/"))]
             for column, value in zip(columns, instance.get(columns)):

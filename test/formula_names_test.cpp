@@ -80,7 +80,7 @@ TEST(Choice, TakesTheBranchOfItsComparison) {
   }
   EXPECT_TRUE(std::isnan(f.evaluate("if(x < y, 10, 20)", kNan, 2.0)));
   EXPECT_TRUE(std::isnan(f.evaluate("if(x >= y, 10, 20)", 1.0, kNan)));
-  // Whatever the other branch is.
+  // The other branch has no effect.
   EXPECT_EQ(f.evaluate("if(x < 1, 3, sqrt(x - 1))", 0.0), 3.0);
   EXPECT_EQ(f.evaluate("if(2 < 3, x, y)", 5.0, 6.0), 5.0);
 }

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""What `simulate` tells of the principle, against a derivation of its own by SymPy.
+"""Compares what `simulate` prints of the principle with a derivation by SymPy.
 
 From T = 1/2 J_ij omega_i omega_j alone: R_i = d/dt dT/domega_i - dT/dphi_i - Q_i, its time
 derivative, the Christoffel symbols of J, G = R' - Gamma R omega, and the motion's G as the solution

@@ -254,7 +254,7 @@ TEST(LatenessHistogram, QuantilesAreKnownToTheirBin) {
   EXPECT_EQ(histogram.max(), 100000);
 }
 
-// Whatever lies in a bin, its quantile is in it.
+// The quantile of a sample lies in its bin.
 TEST(LatenessHistogram, QuantilesStayInTheirBin) {
   LatenessHistogram histogram;
   for (int i = 0; i < 1000; ++i) {

@@ -44,7 +44,7 @@ class Sample:
         """G, N m/s; R' where the inertias are constant"""
     @property
     def residual(self) -> Array:
-        """What is left of each constraint, its own unit."""
+        """Residual of each constraint, its own unit."""
     @property
     def multiplier(self) -> Array: ...
     def keys(self) -> List[str]:
@@ -95,10 +95,10 @@ class LinearModel:
         """Names, as columns of `simulate`."""
     @property
     def notes(self) -> List[str]:
-        """What has to be known beside the numbers."""
+        """Notes on the validity of the numbers."""
     @property
     def eigenvalues(self) -> NDArray[numpy.complex128]:
-        """Of A, 1/s, the slowest first."""
+        """Eigenvalues of A, 1/s, the slowest first."""
     def save(self, path: Union[str, "os.PathLike[str]"]) -> None:
         """Writes .npz, .csv or .mat, as `simulate --linearize --output` does."""
 
@@ -107,10 +107,10 @@ class SteadyState:
 
     @property
     def state(self) -> Dict[str, Any]:
-        """What `Simulation.set_state` takes, inputs included."""
+        """The state as `Simulation.set_state` takes it, inputs included."""
     @property
     def residual(self) -> float:
-        """What is left of the equations, N m, N m/s or the constraint's own unit: the largest."""
+        """The largest residual of the equations, N m, N m/s or the constraint's own unit."""
     @property
     def undetermined(self) -> List[str]:
         """Names of what may change together without leaving the steady states; not empty: this is
@@ -211,7 +211,7 @@ class Simulation:
             SceneError: a name that means nothing.
         """
     def residuals(self, accelerations: ArrayLike) -> Array:
-        """What is left of each constraint at the present, were the shafts' accelerations these.
+        """Residuals of the constraints at the current time for the given accelerations of the shafts.
 
         Time, angles, speeds and inputs in force are the present's; the motion stays where it is.
 
@@ -255,10 +255,10 @@ class Simulation:
     def constraints(self) -> List[str]: ...
     @property
     def orders(self) -> List[int]:
-        """Of each constraint: 1, 2 or 3, whether it is one of speeds, accelerations or jerks."""
+        """Order of each constraint: 1 for speeds, 2 for accelerations, 3 for jerks."""
     @property
     def topics(self) -> List[str]:
-        """What `command` takes."""
+        """Names that `command` takes."""
     @property
     def scene(self) -> Dict[str, Any]:
         """The scene as it was read, overrides included."""
@@ -267,7 +267,7 @@ class Simulation:
         """The stepper in use and why."""
     @property
     def machine_code(self) -> str:
-        """What runs the formulas."""
+        """The machine code or interpreter that evaluates the formulas."""
     def compile(self) -> bool:
         """Makes machine code of the formulas, which changes no bit; about a second. False where
         `machine_code` says why not."""
@@ -279,7 +279,7 @@ class Simulation:
         """Counts since the start or the last reset."""
     @property
     def doubts(self) -> List[str]:
-        """What may be wrong with the motion so far: fixed steps that are crude, reactions that feed
+        """Doubts about the motion so far: fixed steps that are crude, reactions that feed
         or drain the machine."""
     def columns(self, groups: str = "state") -> List[str]:
         """Names of the columns of groups of `simulate`."""

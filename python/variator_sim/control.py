@@ -124,7 +124,7 @@ class DutyCycle:
 
     @classmethod
     def read(cls, path):
-        """Of a CSV file with the header time,command."""
+        """Reads a CSV file with the header time,command."""
         with open(path, newline="", encoding="utf-8") as file:
             text = file.read(cls.LONGEST + 1)
         if len(text) > cls.LONGEST:

@@ -1,4 +1,4 @@
-"""What goes wrong, as exceptions with their evidence."""
+"""Exceptions with their evidence."""
 
 LONGEST_MESSAGE = 4000  # characters
 

@@ -340,7 +340,7 @@ class Solver:
         return t + h, y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
     def leads(self, t, y, modes, x):
-        """Of gears that turn: above 0 while the side that drives does."""
+        """Switching functions of gears that turn: above 0 while the side that drives does."""
         n, h = self.it.count, len(self.it.elements)
         found = []
         for k, gear in enumerate(self.it.gears):
@@ -373,7 +373,7 @@ class Solver:
         return True
 
     def choices(self, t, w):
-        """Of each element and gear the modes that its slip allows, and those that are at rest."""
+        """Returns, for each element and gear, the modes that its slip allows, and those that are at rest."""
         choices, rest = [], []
         for h in range(len(self.it.elements)):
             f = self.C[h] @ w
