@@ -20,14 +20,22 @@ LABELS = {"angle": "Angle, rad", "velocity": "Speed, rad/s", "acceleration": "Ac
 # Modes of elements that hold: number, name, colour of the band, colour of its text.
 MODES = ((0, "stuck", "#0072B2", "white"), (1, "forward", "#E69F00", "black"), (-1, "backward", "#CC79A7", "black"),
          (2, "free", "0.88", "black"))
+# More lines than these are told apart by a scale of colours, with some of their names.
+MANY = 12
 DEFAULT = ("velocity", "acceleration", "applied_torque", "reaction_torque_rate")
+
+
+def style_of(i, count):
+    """Colour and style of line i of so many."""
+    if count > MANY:
+        return {"color": plt.get_cmap("viridis")(i / (count - 1)), "linewidth": 1.0}
+    return {"color": COLOURS[i % len(COLOURS)], "linewidth": 1.6, "linestyle": ("-", "--")[i // len(COLOURS)]}
 
 
 def draw_lines(axis, lines, label):
     """Lines (name, times, values) over simulated time in one panel."""
     for i, (name, times, values) in enumerate(lines):
-        axis.plot(times, values, color=COLOURS[i % len(COLOURS)], linewidth=1.6, label=name,
-                  linestyle=("-", "--", ":", "-.")[i // len(COLOURS) % 4])
+        axis.plot(times, values, label=name, **style_of(i, len(lines)))
     axis.set_ylabel(label)
     axis.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
     axis.grid(True, color="0.9")
@@ -95,9 +103,12 @@ def draw_panels(panels, title="", modes=()):
 
 
 def put_legend_above(axis):
-    """The names of a panel's lines in one row above it."""
-    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False,
-                ncol=len(axis.get_lines()))
+    """The names of a panel's lines in one row above it; of many lines those of eight."""
+    handles, names = axis.get_legend_handles_labels()
+    if len(names) > MANY:
+        shown = numpy.linspace(0, len(names) - 1, 8).round().astype(int)
+        handles, names = [handles[n] for n in shown], [names[n] for n in shown]
+    axis.legend(handles, names, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, ncol=len(names) + 1)
 
 
 def choose_columns(runs, patterns=None):
