@@ -52,11 +52,10 @@ class ClockTest(unittest.TestCase):
         first = self.owner.step(0.25)
         self.assertTrue(first.success, first.message)
         clock.wait(lambda m: m.clock.to_nsec() == 250000000, 'the time of the step')
-        # The followers' first tick counts from the first time they see.
+        # The followers' first tick counts from the first time they see. (Their time was 0 before.)
         wait_for(lambda: rospy.Time.now().to_nsec() == 250000000, 'ROS time')
-        self.follower.status.wait_new()
         for node in (self.follower, self.hasty):
-            self.wait_for_time(node, 0)
+            node.status.wait_new(lambda s: s.time == 0.0 and s.ticks > 0, 'a first tick')
         second = self.owner.step(0.5)
         self.assertTrue(second.success, second.message)
         for node in (self.follower, self.hasty):
