@@ -10,6 +10,7 @@ import zipfile
 import numpy
 import roslib.packages
 import rosunit
+import scipy.linalg
 
 from support.simulate import SimulateTestCase
 
@@ -206,6 +207,31 @@ class LinearizeTest(SimulateTestCase):
             self.assertEqual(report[begin + 4], "  (2 integrators stand one behind the other: "
                              "deviations may grow with the time)")
             self.assertNotIn("unstable", "".join(report))
+
+    def test_natural_frequencies_of_a_train_of_24_masses(self):
+        """K x = omega^2 M x of an engine's train, by LAPACK's symmetric solver."""
+        inertia = [9.0 - 0.2 * n for n in range(24)]
+        stiffness = [4e5 + 3e4 * (n % 5) for n in range(23)]
+        names = [f"m{n}" for n in range(24)]
+        lines = [f"shafts: [{', '.join(names)}]", "principle: gauss",
+                 f"torques: [{', '.join('c' + name for name in names[1:])}]"]
+        lines += [f"{name}: {{inertia: {value!r}}}" for name, value in zip(names, inertia)]
+        K = numpy.zeros((24, 24))
+        for n, value in enumerate(stiffness):
+            lines.append(f"c{names[n + 1]}: {{type: variator_sim/ElasticCoupling, stiffness: {value!r}, "
+                         f"shafts: [{names[n]}, {names[n + 1]}]}}")
+            K[n:n + 2, n:n + 2] += value * numpy.array([[1.0, -1.0], [-1.0, 1.0]])
+        scene = self.folder / "train.yaml"
+        scene.write_text("\n".join(lines), encoding="utf-8")
+        self.check_simulate(str(scene), "--linearize", "--at", "0", "--full", "--output",
+                            str(self.folder / "train.csv"))
+        A = read_csv(self.folder / "train.csv")["A"]
+        states = sorted({row for row, _ in A})
+        matrix = numpy.array([[A[row, column] for column in states] for row in states])
+        found = numpy.sort(numpy.abs(numpy.linalg.eigvals(matrix).imag))[::2]
+        squares = scipy.linalg.eigh(K, numpy.diag(inertia), eigvals_only=True)
+        expected = numpy.sqrt(numpy.maximum(squares, 0.0))
+        numpy.testing.assert_allclose(found[1:], expected[1:], rtol=1e-11)
 
     def test_words_are_checked(self):
         self.check_refused([SHIP, "--full", "--duration", "1"], "--full belongs to --linearize")
