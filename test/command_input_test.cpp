@@ -270,40 +270,5 @@ TEST(CommandSignal, IsEnclosedBetweenTwoTimes) {
   }
 }
 
-// The sum of the series against values and rates at later times of the same closed form.
-TEST(CommandSignal, HasASeries) {
-  constexpr int kOrder = 30;
-  for (const Hold hold : {Hold::kZeroOrder, Hold::kFirstOrderLag, Hold::kRateLimit,
-                          Hold::kFirstOrderHold, Hold::kSecondOrderLag}) {
-    const bool is_ramp = hold == Hold::kRateLimit || hold == Hold::kFirstOrderHold;
-    const CommandInputSettings settings = makeSettings(hold, is_ramp ? 1.5 : 0.5, -1.0);
-    CommandSignal signal;
-    signal.reset(settings);
-    signal.command(settings, 1.0, 3.0);
-    if (hold == Hold::kSecondOrderLag) signal.command(settings, 1.3, -2.0);  // u' is not 0
-    for (const double time : {1.3, 1.4, 1.9}) {
-      const double unit = 0.25;
-      double c[kOrder + 1];
-      signal.calcSeries(time, unit, kOrder, c);
-      for (const double s : {0.0, 0.3, 1.0, 1.6}) {
-        double u = 0.0;
-        double rate = 0.0;
-        double second = 0.0;
-        for (int n = kOrder; n >= 0; --n) {
-          u = u * s + c[n];
-          if (n > 0) rate = rate * s + n * c[n];
-          if (n > 1) second = second * s + n * (n - 1) * c[n];
-        }
-        const double t = time + unit * s;
-        EXPECT_NEAR(u, signal.value(t), 1e-14) << toString(hold) << " at " << t;
-        EXPECT_NEAR(rate / unit, signal.rate(t), 1e-13) << toString(hold) << " at " << t;
-        if (hold == Hold::kSecondOrderLag) {
-          EXPECT_NEAR(second / (unit * unit), signal.secondRate(t), 1e-12) << t;
-        }
-      }
-    }
-  }
-}
-
 }  // namespace
 }  // namespace variator_sim

@@ -74,16 +74,19 @@ class CommandSignal {
   /// Moves the origin of time `by` seconds later.
   void moveOrigin(double by);
 
-  /// Returns u at `time`, at or after the last event.
-  double value(double time) const;
+  /// u, u' and u'' at one instant.
+  struct Moment {
+    double value;
+    double rate;         ///< right-hand limit at an event, left-hand limit at `segmentEnd()`
+    double second_rate;  ///< between two commands for kSecondOrderLag; 0 otherwise
+  };
+  /// Returns u and its rates at `time`, at or after the last event. [loop]
+  Moment at(double time) const;
+  double value(double time) const { return at(time).value; }
+  double rate(double time) const { return at(time).rate; }
+  double secondRate(double time) const { return at(time).second_rate; }
   /// Encloses u between two times without an event between them.
   Interval enclose(double from, double to) const;
-  /// Returns u' at `time`: right-hand limit at an event, left-hand limit at `segmentEnd()`.
-  double rate(double time) const;
-  /// Returns u'' at `time` between two commands for kSecondOrderLag; 0 otherwise.
-  double secondRate(double time) const;
-  /// Writes the coefficients 0 to `order` of u as a series in (t - time) / unit. [loop]
-  void calcSeries(double time, double unit, int order, double* coefficients) const;
   /// Returns the end of the current closed form (a ramp or a lag arrives), or infinity.
   double segmentEnd() const { return segment_end_; }
   /// Moves past `segmentEnd()`: u stays at its target from there.

@@ -32,8 +32,6 @@ Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts, const Dri
     note(constraint->dependence());
     has_constant_jacobian_ = has_constant_jacobian_ && constraint->hasConstantJacobian();
     if (constraint->order() == 1) velocity_rows_.push_back(m);
-    needs_second_rate_ =
-        needs_second_rate_ || (constraint->order() == 1 && constraint->readsInputs());
     keeps_constraints_in_stages_ = keeps_constraints_in_stages_ && constraint->order() == 2;
     if (constraint->order() <= 2) acceleration_rows_.push_back(m);
     nonlinear_accelerations_ |= constraint->nonlinearAccelerations();
@@ -52,6 +50,7 @@ Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts, const Dri
   findColumns();
   signals_.resize(scene.inputs.size());
   saved_signals_.resize(scene.inputs.size());
+  moments_.resize(kMoments * scene.inputs.size());
   varying_.reserve(scene.inputs.size());
   resetInputs();
 }
@@ -74,11 +73,24 @@ void Drivetrain::restoreSignals(double time) {
 
 void Drivetrain::refreshInputs(double time) {
   varying_.clear();
+  moment_time_.fill(std::numeric_limits<double>::quiet_NaN());
   for (std::size_t i = 0; i < signals_.size(); ++i) {
-    input_[i] = signals_[i].value(time);
-    input_rate_[i] = signals_[i].rate(time);
-    input_second_rate_[i] = signals_[i].secondRate(time);
+    setInput(static_cast<int>(i), signals_[i].at(time));
     if (!signals_[i].isConstant()) varying_.push_back(static_cast<int>(i));
+  }
+}
+
+void Drivetrain::moveInputs(double t) {
+  // The stages of implicit steps come back to the same instants in every iteration.
+  const auto known = std::find(moment_time_.begin(), moment_time_.end(), t);
+  const bool is_known = known != moment_time_.end();
+  const std::size_t place =
+      is_known ? static_cast<std::size_t>(known - moment_time_.begin()) : next_moment_++ % kMoments;
+  CommandSignal::Moment* moment = moments_.data() + place * signals_.size();
+  moment_time_[place] = t;
+  for (int i : varying_) {
+    if (!is_known) *moment = signals_[static_cast<std::size_t>(i)].at(t);
+    setInput(i, *moment++);
   }
 }
 

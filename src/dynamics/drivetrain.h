@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -97,13 +98,7 @@ class Drivetrain {
   void evaluateInputs(double t) {
     if (!varying_.empty()) moveInputs(t);
   }
-  [[gnu::noinline]] void moveInputs(double t) {
-    for (int i : varying_) {
-      input_[i] = signals_[i].value(t);
-      input_rate_[i] = signals_[i].rate(t);
-      if (needs_second_rate_) input_second_rate_[i] = signals_[i].secondRate(t);
-    }
-  }
+  void moveInputs(double t);
   /// Returns a view of (t, phi, omega, epsilon) with the inputs at t; updates J to phi.
   StateView view(double t, const double* phi, const double* omega, const double* epsilon) {
     evaluateInputs(t);
@@ -372,6 +367,11 @@ class Drivetrain {
   bool findNonFinite(StateView state, int* torque, int* row) const;
 
  private:
+  void setInput(int i, const CommandSignal::Moment& moment) {
+    input_[i] = moment.value;
+    input_rate_[i] = moment.rate;
+    input_second_rate_[i] = moment.second_rate;
+  }
   /// Evaluates rows and c0 by the scene's program and factors them.
   template <class Count>
   bool takeRows(Count shafts, const double* values, double* c0) {
@@ -450,6 +450,11 @@ class Drivetrain {
   std::vector<CommandSignal> signals_;
   std::vector<CommandSignal> saved_signals_;
   std::vector<int> varying_;  // indices of the inputs that are not constant; capacity is reserved
+  /// Instants that are kept, as many as an implicit step comes back to.
+  static constexpr std::size_t kMoments = 8;
+  std::array<double, kMoments> moment_time_ = {};
+  std::vector<CommandSignal::Moment> moments_;  ///< of the inputs that vary, at each of the times
+  std::size_t next_moment_ = 0;
   double input_[kMaxInputs] = {};
   double input_rate_[kMaxInputs] = {};
   double input_second_rate_[kMaxInputs] = {};
@@ -465,8 +470,7 @@ class Drivetrain {
   bool keeps_constraints_in_stages_ = true;
   /// The view of calcJerkOfOneRow; its constant members are written once.
   StateView view_{0.0, nullptr, nullptr, nullptr, input_, input_rate_, input_second_rate_};
-  bool needs_second_rate_ = false;  ///< some constraint of order 1 reads an input
-  double origin_ = 0.0;             ///< origin of times, s
+  double origin_ = 0.0;  ///< origin of times, s
   std::uint64_t right_hand_sides_ = 0;
   std::uint64_t newton_iterations_ = 0;
 };

@@ -222,22 +222,31 @@ bool CommandSignal::command(const CommandInputSettings& settings, double time, d
   return true;
 }
 
-double CommandSignal::value(double time) const {
+CommandSignal::Moment CommandSignal::at(double time) const {
   switch (form_) {
     case Form::kConstant:
       break;
     case Form::kExponential:  // b = 0
     case Form::kCritical: {
+      // u = target + (a + b x) exp(-x), x = (t - start) / tau
       const double x = (time - start_time_) * inverse_time_constant_;
-      return start_value_ + (start_value_ - target_) * std::expm1(-x) + linear_ * x * std::exp(-x);
+      const double a = start_value_ - target_;
+      const double decay = std::expm1(-x);
+      const double factor = 1.0 + decay;
+      const double rate = factor * inverse_time_constant_;
+      return {start_value_ + a * decay + linear_ * x * factor, (linear_ - a - linear_ * x) * rate,
+              form_ == Form::kCritical
+                  ? (a - 2.0 * linear_ + linear_ * x) * inverse_time_constant_ * rate
+                  : 0.0};
     }
     case Form::kRamp: {
-      if (time >= segment_end_) return target_;
+      const double rate = time <= segment_end_ ? slope_ : 0.0;
+      if (time >= segment_end_) return {target_, rate, 0.0};
       const double u = start_value_ + slope_ * (time - start_time_);
-      return slope_ > 0.0 ? std::min(u, target_) : std::max(u, target_);
+      return {slope_ > 0.0 ? std::min(u, target_) : std::max(u, target_), rate, 0.0};
     }
   }
-  return start_value_;
+  return {start_value_, 0.0, 0.0};
 }
 
 Interval CommandSignal::enclose(double from, double to) const {
@@ -253,55 +262,6 @@ Interval CommandSignal::enclose(double from, double to) const {
     range = {std::min(range.low, u), std::max(range.high, u)};
   }
   return range;
-}
-
-double CommandSignal::rate(double time) const {
-  switch (form_) {
-    case Form::kConstant:
-      break;
-    case Form::kExponential:  // b = 0
-    case Form::kCritical: {
-      const double x = (time - start_time_) * inverse_time_constant_;
-      const double a = start_value_ - target_;
-      return (linear_ - a - linear_ * x) * inverse_time_constant_ * std::exp(-x);
-    }
-    case Form::kRamp:
-      return time <= segment_end_ ? slope_ : 0.0;
-  }
-  return 0.0;
-}
-
-double CommandSignal::secondRate(double time) const {
-  if (form_ != Form::kCritical) return 0.0;
-  const double x = (time - start_time_) * inverse_time_constant_;
-  const double a = start_value_ - target_;
-  return (a - 2.0 * linear_ + linear_ * x) * inverse_time_constant_ * inverse_time_constant_ *
-         std::exp(-x);
-}
-
-void CommandSignal::calcSeries(double time, double unit, int order, double* coefficients) const {
-  std::fill_n(coefficients, order + 1, 0.0);
-  coefficients[0] = value(time);
-  switch (form_) {
-    case Form::kConstant:
-      return;
-    case Form::kRamp:
-      if (order > 0) coefficients[1] = unit * rate(time);
-      return;
-    case Form::kExponential:
-    case Form::kCritical: {
-      // d^n/dx^n (a + b x) exp(-x) = (-1)^n (a + b x - n b) exp(-x), x = (t - start) / tau
-      const double x = (time - start_time_) * inverse_time_constant_;
-      const double a = start_value_ - target_;
-      const double b = linear_;
-      double scale = std::exp(-x);
-      for (int n = 1; n <= order; ++n) {
-        scale *= -unit * inverse_time_constant_ / n;
-        coefficients[n] = (a + b * x - n * b) * scale;
-      }
-      return;
-    }
-  }
 }
 
 ParameterTree CommandSignal::toTree() const {
