@@ -60,6 +60,13 @@ void EnergyMeter::noteStepElsewhere(double time, double work, double through, co
   if (is_watched_) watch(time - drivetrain_.origin(), x, rows);
 }
 
+void EnergyMeter::cutElsewhere(double time, double applied, double less) {
+  account_.applied = applied_before_ = applied;
+  account_.throughput -= less;
+  judged_at_ = time;
+  before_ = doubtAtFront();
+}
+
 void EnergyMeter::cut(const StepNode& present) {
   if (integrator_.isSleeping()) {
     account_.applied = calcAppliedAtRest(present.x);

@@ -78,6 +78,8 @@ class EnergyMeter {
   /// omega_i and its magnitudes, J, up to `time`, s since the start, and the state x there.
   void noteStepElsewhere(double time, double work, double through, const double* x,
                          const double (*rows)[kMaxShafts]);
+  /// Cuts that step at `time`: `applied` until then, and its throughput less by `less`, J.
+  void cutElsewhere(double time, double applied, double less);
   bool isWatched() const { return is_watched_; }
   /// Continues from `present`, which the motion has reached in its last step or at equilibrium;
   /// inputs are still those of that step.

@@ -152,11 +152,7 @@ void ProgramMotion::noteEnergy() {
 void ProgramMotion::cutEnergy(double at) {
   double through = 0.0;
   applied_ = applied_before_ + host_->calcWork(at, &through);
-  if (motion_ == nullptr) return;
-  EnergyAccount account = motion_->energy_meter.account();
-  account.applied = applied_;
-  account.throughput -= through_ - through;
-  motion_->energy_meter.resume(account, time);
+  if (motion_ != nullptr) motion_->energy_meter.cutElsewhere(time, applied_, through_ - through);
 }
 
 void ProgramMotion::recover() {
