@@ -136,6 +136,8 @@ bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
   if (!is_right) return false;
   next_host_ = std::move(compiled);
   library_ = library;
+  if (motion_ != nullptr && motion_->system.formulas() != nullptr)
+    motion_->system.formulas()->use(library);
   return true;
 }
 

@@ -158,6 +158,30 @@ class CompiledHost final : public HostedMotion {
   void (*show_)(void*, vs_shown*) = code_.find<void, void*, vs_shown*>("host_show");
 };
 
+/// Series and values by a kernel; what is rarely asked for is interpreted.
+class CompiledSeries final : public HostedSeries {
+ public:
+  CompiledSeries(std::shared_ptr<KernelLibrary> library, const MotionProgram& program)
+      : code_(std::move(library), program), interpreted_(hostSeries(program)) {}
+  bool expand(const vs_exchange& from, double limit, vs_shown* to) override {
+    return expand_(code_.model(), &from, limit, to) != 0;
+  }
+  void evaluate(const vs_exchange& at, double* rows) override {
+    evaluate_(code_.model(), &at, rows);
+  }
+  bool isResolvedAlong(const vs_exchange& from, const vs_path& path) override {
+    return interpreted_->isResolvedAlong(from, path);
+  }
+
+ private:
+  CompiledMotion code_;
+  const std::unique_ptr<HostedSeries> interpreted_;
+  int (*expand_)(void*, const vs_exchange*, double, vs_shown*) =
+      code_.find<int, void*, const vs_exchange*, double, vs_shown*>("host_expand");
+  void (*evaluate_)(void*, const vs_exchange*, double*) =
+      code_.find<void, void*, const vs_exchange*, double*>("host_evaluate");
+};
+
 bool hasFunctions(const KernelLibrary& library, std::initializer_list<const char*> names) {
   return std::all_of(names.begin(), names.end(), [&](const char* name) {
     return library.find((std::string("vs_kernel_") + name).c_str()) != nullptr;
@@ -172,6 +196,12 @@ std::unique_ptr<HostedMotion> hostMotion(std::shared_ptr<KernelLibrary> library,
       hasFunctions(*library, {"size", "begin", "host_begin", "host_leave", "host_step", "host_cut",
                               "host_change", "host_see", "host_work", "host_look", "host_show"});
   return has_all ? std::make_unique<CompiledHost>(std::move(library), program) : nullptr;
+}
+
+std::unique_ptr<HostedSeries> hostSeries(std::shared_ptr<KernelLibrary> library,
+                                         const MotionProgram& program) {
+  const bool has_all = hasFunctions(*library, {"size", "begin", "host_expand", "host_evaluate"});
+  return has_all ? std::make_unique<CompiledSeries>(std::move(library), program) : nullptr;
 }
 
 }  // namespace variator_sim

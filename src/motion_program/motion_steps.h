@@ -59,5 +59,7 @@ std::unique_ptr<HostedSeries> hostSeries(const MotionProgram& program);
 /// null if it lacks a function.
 std::unique_ptr<HostedMotion> hostMotion(std::shared_ptr<KernelLibrary> library,
                                          const MotionProgram& program);
+std::unique_ptr<HostedSeries> hostSeries(std::shared_ptr<KernelLibrary> library,
+                                         const MotionProgram& program);
 
 }  // namespace variator_sim

@@ -56,6 +56,13 @@ const vs_exchange& SceneSeries::describe(const SeriesPoint& point, double usual)
   return it_;
 }
 
+void SceneSeries::use(const std::shared_ptr<KernelLibrary>& library) {
+  std::unique_ptr<HostedSeries> compiled = hostSeries(library, *program_);
+  if (compiled == nullptr) return;
+  host_ = std::move(compiled);
+  ++expansion_;  // those that were shown are gone
+}
+
 bool SceneSeries::expand(const SeriesPoint& point, double usual, double limit, vs_shown* to) {
   ++expansion_;
   return host_->expand(describe(point, usual), limit, to);

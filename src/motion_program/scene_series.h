@@ -33,6 +33,8 @@ class SceneSeries {
   /// hold until the next expansion or question. `usual`: the length that a step there may have, s,
   /// 0: not known. False where there are none.
   bool expand(const SeriesPoint& point, double usual, double limit, vs_shown* to);
+  /// Goes on by the machine code of its program, to the same bits; not if that lacks a function.
+  void use(const std::shared_ptr<KernelLibrary>& library);
   /// The number of the last expansion.
   long expansion() const { return expansion_; }
 
@@ -52,7 +54,7 @@ class SceneSeries {
 
   const CommandSignal* const signals_;
   const std::shared_ptr<const MotionProgram> program_;
-  const std::unique_ptr<HostedSeries> host_;
+  std::unique_ptr<HostedSeries> host_;
   const int S;  // shafts
   const int inputs_;
   long expansion_ = 0;

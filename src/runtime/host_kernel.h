@@ -36,3 +36,9 @@ void vs_kernel_host_look(void* h, double* entry) {
 void vs_kernel_host_show(void* h, vs_shown* to) {
   vs_host_show(h, to);
 }
+int vs_kernel_host_expand(void* h, const vs_exchange* from, double limit, vs_shown* to) {
+  return vs_host_expand(h, from, limit, to);
+}
+void vs_kernel_host_evaluate(void* h, const vs_exchange* at, double* values) {
+  vs_host_evaluate(h, at, values);
+}
