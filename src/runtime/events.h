@@ -112,11 +112,12 @@ VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it,
   const double rounding = 8.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time) / it->unit;
   vs_event found = {0.0, -1, 0, 0.0, 0.0, -1, 0};
   double points[3], c[VS_STRIDE];
-  int g, k, n;
+  int g, k, n, first = SIGNS + TABLES; /* the first guard that may pass */
   for (g = 0; g < SIGNS + TABLES; ++g) {
     const double reach = *theta * (1.0 + 1e-12) + rounding;
-    if (g != but && vs_may_pass(it, g, reach, points))
-      *theta = vs_known_part(vs_guard(it, g), it->order, *theta);
+    if (g == but || !vs_may_pass(it, g, reach, points)) continue;
+    *theta = vs_known_part(vs_guard(it, g), it->order, *theta);
+    if (first > g) first = g;
   }
   for (g = 0; g < HOLDS; ++g) {
     for (k = 0; k < VS_CONDITIONS; ++k) {
@@ -127,7 +128,7 @@ VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it,
   }
   found.theta = *theta * (1.0 + 1e-12) + rounding;
   vs_meet_end(m, it, &found);
-  for (g = 0; g < SIGNS + TABLES; ++g) {
+  for (g = first; g < SIGNS + TABLES; ++g) {
     if (g == but || !vs_may_pass(it, g, found.theta, points)) continue;
     for (n = 0; n <= it->order; ++n) c[n] = vs_guard(it, g)[n];
     for (k = 0; k < 3; ++k) {
@@ -292,6 +293,14 @@ VS_FUNCTION int vs_keeps_sides(const scene_series* it, const scene_series* next)
   return 1;
 }
 
+/* How far behind an event rounding does not reach, in units: the first instant at which the state
+ * is looked at there. */
+VS_FUNCTION double vs_shortly_behind(const scene_model* m, const vs_event* at) {
+  const double least =
+      4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time) / m->series[m->present].unit;
+  return at->theta + seriesLarger(1e-14 * at->theta, least);
+}
+
 /* From `base`, finds two instants, or one, between which the state itself passes an event: the
  * guard's polynomial is off by what the step is, and by the rounding of its coefficients. at->theta
  * becomes the first one, before all that jumps, *theta, where the step is to end, the second. Laws
@@ -301,7 +310,7 @@ VS_FUNCTION void vs_bracket(scene_model* m, scene_series* it, const scene_state*
                             double* theta, vs_law_values* before, vs_law_values* after) {
   const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, base->time) / vs_series(m)->unit;
   const double end = vs_end_without(m, at, *theta);
-  double ahead = seriesLarger(1e-14 * at->theta, least);
+  double ahead = vs_shortly_behind(m, at) - at->theta;
   double back = ahead;
   double low = 0.0;
   int trial;

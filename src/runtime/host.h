@@ -32,7 +32,7 @@ VS_FUNCTION scene_status vs_host_go(vs_host* h, double at) {
   m->present = h->taken;
   vs_go(m, at / unit);
   m->present = present;
-  return vs_arrive(m, &h->seen, unit);
+  return vs_arrive(m, &h->seen, unit, 1);
 }
 
 /* The motion begins (see vs_exchange). */
@@ -199,7 +199,7 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
     status = vs_host_go(h, at);
   } else {
     it->unit = vs_unit_of(m->usual > 0.0 ? m->usual : 1e-3);
-    vs_enter_inputs(m, it, SCENE_ORDER);
+    vs_enter_inputs(m, it, 1);
     vs_enter_state(m, it);
     if (!vs_begin(it, m->now.multiplier, 0)) status = SCENE_SINGULAR;
   }
@@ -243,25 +243,26 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
 }
 
 /* The work, J, of the applied torques over the first `at` s of the last step, for each shaft
- * sum_n p_n tau^(n+1) / (n+1), p_n = sum_k Q_k omega_n-k, up to the degree of the product;
- * *through: the sum of the magnitudes. */
+ *     sum_jk omega_j Q_k w_{j+k},  w_n = unit tau^(n+1) / (n+1),
+ * up to the degree of the product; *through: the sum of the magnitudes. */
 VS_FUNCTION double vs_host_work(const vs_host* h, double at, double* through) {
   const scene_series* const it = &h->model.series[h->taken];
   const double tau = seriesSmaller(at, h->made) / it->unit;
   const int last = it->order;
-  double sum = 0.0;
-  int i, n;
+  double weight[2 * VS_STRIDE], power = it->unit * tau, sum = 0.0;
+  int i, j, k;
+  for (k = 0; k <= 2 * last; ++k, power *= tau) weight[k] = power / (k + 1);
   *through = 0.0;
   for (i = 0; i < S; ++i) {
     const double* const Q = it->row[torque_row[i]];
-    const double* const omega = it->row[VELOCITY + i];
-    double power = it->unit * tau, own = 0.0;
-    for (n = 0; n <= 2 * last; ++n, power *= tau) {
-      const int first = n > last ? n - last : 0;
-      own += vs_total(Q, omega, n, first, n - first) * power / (n + 1);
+    double own[VS_STRIDE], work;
+    for (j = 0; j <= last; ++j) own[j] = Q[0] * weight[j];
+    for (k = 1; k <= last; ++k) {
+      for (j = 0; j <= last; ++j) own[j] = vs_fuse(Q[k], weight[j + k], own[j]);
     }
-    sum += own;
-    *through += fabs(own);
+    work = vs_dot(it->row[VELOCITY + i], own, last + 1);
+    sum += work;
+    *through += fabs(work);
   }
   return sum;
 }

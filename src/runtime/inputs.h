@@ -78,8 +78,7 @@ VS_FUNCTION int vs_command_signal(scene_signal* s, int hold, double parameter, d
 
 /* Coefficients up to `order` of the rows of inputs and of their rates. */
 VS_FUNCTION void vs_enter_inputs(const scene_model* m, scene_series* it, int order) {
-  const int most = order > SCENE_ORDER ? order : SCENE_ORDER;
-  double u[VS_STRIDE];
+  double u[VS_STRIDE] = {0.0};
   int k, n, i = -1;
   for (k = 0; k < INPUT_ROW_COUNT; ++k) {
     double* const row = it->row[input_row[k]];
@@ -90,7 +89,7 @@ VS_FUNCTION void vs_enter_inputs(const scene_model* m, scene_series* it, int ord
       if (input_rate_of_row[k] == 0) row[0] = m->now.input[i].start;
       continue;
     }
-    if (is_new) vs_expand_input(&m->now.input[i], it->unit, most + 2, u);
+    if (is_new) vs_expand_input(&m->now.input[i], it->unit, order + 2, u);
     for (n = 0; n <= order; ++n) {
       const double rate = (n + 1) * u[n + 1] / it->unit;
       const double second = (n + 2) * (n + 1) * u[n + 2] / (it->unit * it->unit);

@@ -254,14 +254,28 @@ VS_INLINE void vs_tangent(Real* y, Real* w, const Real* x, const Real* rate, int
   w[n] = vs_convolve_self(y, n, 0);
 }
 
-/* y = tanh(x), w = 1 - y^2 = 1 / cosh(x)^2: y' = x' w. (Where cosh overflows, w and all
+/* y = tanh(x) = (1 - q) / (1 + q) and w = 1 / cosh(x)^2 = 4 q / (1 + q)^2, q = exp(-2 |x|) */
+VS_INLINE void vs_find_tanh(Real x, Real* y, Real* w) {
+  const Real exponent = -2.0 * fabs(x);
+  Real q, less, part; /* less: q - 1 */
+  if (exponent < -0.7) {
+    q = exp(exponent);
+    less = q - 1.0;
+  } else {
+    less = expm1(exponent);
+    q = 1.0 + less;
+  }
+  part = 1.0 / (2.0 + less);
+  *y = copysign(-less * part, x);
+  *w = 4.0 * q * part * part;
+}
+
+/* y = tanh(x), w = 1 - y^2 = 1 / cosh(x)^2: y' = x' w. (Where q underflows, w and all
  * coefficients but the first are 0.) */
 VS_INLINE void vs_tangent_hyperbolic(Real* y, Real* w, const Real* x, const Real* rate, int last,
                                      int n) {
   if (n == 0) {
-    const Real cosine = cosh(x[0]);
-    y[0] = tanh(x[0]);
-    w[0] = 1.0 / (cosine * cosine);
+    vs_find_tanh(x[0], y, w);
     return;
   }
   y[n] = vs_chain(rate, w, last, n);

@@ -52,9 +52,10 @@ VS_FUNCTION_RARE int vs_is_resolved_in_ranges(const scene_series* it, double the
 /* True if no torque, constraint, inertia or limit of an element that holds differs from its series
  * by more than the tolerance allows, up to theta. */
 VS_FUNCTION int vs_is_resolved(const scene_series* it, double theta) {
-  double powers[VS_STRIDE] = {1.0};
+  double powers[VS_STRIDE];
   double hidden;
   int k;
+  powers[0] = 1.0;
   for (k = 1; k <= it->order; ++k) powers[k] = powers[k - 1] * theta;
   if (it->order == SCENE_ORDER)
     hidden = vs_hides(it, powers, SCENE_ORDER);

@@ -27,11 +27,12 @@ VS_FUNCTION double vs_limit(scene_model* m, double left) {
   return seriesLarger(limit, 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time));
 }
 
-/* The next series, at the end of the step: all formulas, and the orders that need no other. */
-VS_FUNCTION scene_status vs_arrive(scene_model* m, scene_series* next, double unit) {
+/* The series of the state that was reached: all formulas, the orders that need no other, and inputs
+ * up to `order`. */
+VS_FUNCTION scene_status vs_arrive(scene_model* m, scene_series* next, double unit, int order) {
   scene_status status;
   next->unit = unit;
-  vs_enter_inputs(m, next, SCENE_ORDER);
+  vs_enter_inputs(m, next, order);
   status = vs_project_velocities(m, next);
   if (status != SCENE_OK) return status;
   if (IS_CLASSICAL)
@@ -120,22 +121,44 @@ VS_FUNCTION int vs_has_leapt(const scene_model* m, const scene_state* before,
   return 0;
 }
 
-/* Moves to theta or, with an event, to the first instant behind it at which the state has passed.
- * *defect: see vs_defect. */
+/* Moves to theta, onto the constraints; *expected: the state before that. */
+VS_FUNCTION scene_status vs_move_to(scene_model* m, const scene_state* before, double theta,
+                                    scene_state* expected) {
+  const double h = theta * vs_series(m)->unit;
+  m->now = *before;
+  vs_go(m, theta);
+  *expected = m->now;
+  return vs_arrive(m, &m->series[1 - m->present], vs_unit_of(seriesLarger(h, 0.25 * m->usual)),
+                   SCENE_ORDER);
+}
+
+/* Moves to the first instant behind an event at which the state has passed it: mostly the root of
+ * the guard's series, within its rounding. *theta: the step's end, which it becomes. */
+VS_FUNCTION scene_status vs_move_behind(scene_model* m, const scene_state* before, vs_event* at,
+                                        double* theta, scene_state* expected) {
+  scene_series* const next = &m->series[1 - m->present];
+  const double passed = vs_shortly_behind(m, at);
+  vs_law_values unused;
+  if (passed <= *theta && vs_move_to(m, before, passed, expected) == SCENE_OK &&
+      vs_is_beyond(next, at)) {
+    *theta = passed;
+    return SCENE_OK;
+  }
+  m->now = *before;
+  vs_bracket(m, next, before, at, theta, &unused, &unused);
+  return vs_move_to(m, before, *theta, expected);
+}
+
+/* Moves to theta or behind an event. *defect: see vs_defect. */
 VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, double* defect,
                                 int* loses_rank) {
   const scene_series* const it = vs_series(m);
   scene_series* const next = &m->series[1 - m->present];
   const scene_state before = m->now;
-  vs_law_values unused;
   scene_state expected;
-  scene_status status;
+  const scene_status status = at->guard >= 0 ? vs_move_behind(m, &before, at, theta, &expected)
+                                             : vs_move_to(m, &before, *theta, &expected);
   int i, is_kink;
-  if (at->guard >= 0) vs_bracket(m, next, &before, at, theta, &unused, &unused);
-  m->now = before;
-  vs_go(m, *theta);
-  expected = m->now;
-  status = vs_arrive(m, next, vs_unit_of(seriesLarger(*theta * it->unit, 0.25 * m->usual)));
   if (status != SCENE_OK) return status;
   is_kink = at->guard >= 0;
   for (i = 0; i < INPUTS; ++i) {
