@@ -59,6 +59,28 @@ int ComponentContext::addInput(const CommandInputSettings& settings) {
   return index;
 }
 
+int ComponentContext::addDelay(expression::Node node, double seconds, const std::string& text,
+                               const std::string& path) {
+  const auto same = std::find_if(inputs_.begin(), inputs_.end(), [&](const auto& other) {
+    return other.kind == InputKind::kDelayed && other.delayed == node && other.delay == seconds;
+  });
+  const int index = static_cast<int>(same - inputs_.begin());
+  used_inputs_.insert(index);
+  if (same != inputs_.end()) return index;
+  if (inputs_.size() >= static_cast<std::size_t>(kMaxInputs)) {
+    throw SceneError(path, inQuotes(text) + " is one input, variable, state or delay too many; " +
+                               "allowed: " + std::to_string(kMaxInputs) + " in one scene");
+  }
+  CommandInputSettings made;
+  made.kind = InputKind::kDelayed;
+  made.topic = made.name = text;
+  made.owner = name_;
+  made.delayed = node;
+  made.delay = seconds;
+  inputs_.push_back(made);
+  return index;
+}
+
 int ComponentContext::useInput(const std::string& name, const std::string& path) {
   const auto found = symbols_.inputs.find(name);
   if (found == symbols_.inputs.end()) {

@@ -2,6 +2,7 @@
 typedef struct {
   int form;
   double start, target, slope, inverse_tau, linear, age, end;
+  const double* piece; /* of the past, of a delayed formula */
 } scene_signal;
 
 /* All that the motion goes on from: a copy of it is a state to come back to. */
