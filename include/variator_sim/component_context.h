@@ -52,6 +52,9 @@ class ComponentContext {
   const CommandInputSettings& inputSettings(int index) const {
     return inputs_[static_cast<std::size_t>(index)];
   }
+  /// Gives the commanded input of this index the bounds of `range` in place of the limits that it
+  /// does not state: commands beyond are clamped and counted.
+  void limitInput(int index, const Range& range);
   /// Returns the formulas of the whole scene.
   const std::shared_ptr<expression::Graph>& graph() const { return graph_; }
 

@@ -1,6 +1,7 @@
 #include "variator_sim/component_context.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "variator_sim/nearest_name.h"
 #include "variator_sim/types.h"
@@ -57,6 +58,13 @@ int ComponentContext::addInput(const CommandInputSettings& settings) {
   const int index = static_cast<int>(inputs_.size()) - 1;
   used_inputs_.insert(index);
   return index;
+}
+
+void ComponentContext::limitInput(int index, const Range& range) {
+  CommandInputSettings& input = inputs_[static_cast<std::size_t>(index)];
+  if (input.kind != InputKind::kCommanded) return;
+  if (std::isinf(input.minimum) && range.minimum_included) input.minimum = range.minimum;
+  if (std::isinf(input.maximum) && range.maximum_included) input.maximum = range.maximum;
 }
 
 int ComponentContext::addDelay(expression::Node node, double seconds, const std::string& text,
