@@ -38,9 +38,8 @@ torques: [law]
 // x' = -x(t - 1), x = 1 before 0: x = sum_k (-1)^k (t - k + 1)^k / k!, k - 1 <= t
 TEST(Delay, OfTheSpeedFollowsTheMethodOfSteps) {
   for (const char* principle : {"gauss", "generalized_gauss"}) {
-    Simulation simulation =
-        simulate(kOneShaft + "law: " + torqueOn("a", "-delay(w_a, 1)") +
-                 "initial: {velocity: [1]}\nprinciple: " + principle + "\n");
+    Simulation simulation = simulate(kOneShaft + "law: " + torqueOn("a", "-delay(w_a, 1)") +
+                                     "initial: {velocity: [1]}\nprinciple: " + principle + "\n");
     for (int n = 1; n <= 24; ++n) {
       const double t = 0.37 * n;
       double x = 0.0;
@@ -81,8 +80,7 @@ law: )yaml" + torqueOn("a", "controller - 0.2*w_a"));
 // Mackey and Glass, Science 197 (1977) 287-289; by SciPy as above
 TEST(Delay, InANonlinearLawIsTheReference) {
   Simulation simulation =
-      simulate(kOneShaft + "law: " +
-               torqueOn("a", "2*delay(w_a, 2)/(1 + delay(w_a, 2)^10) - w_a") +
+      simulate(kOneShaft + "law: " + torqueOn("a", "2*delay(w_a, 2)/(1 + delay(w_a, 2)^10) - w_a") +
                "initial: {velocity: [0.5]}\n");
   EXPECT_EQ(simulation.scene().inputCount(), 1) << "one past serves both";
   const double reference[][2] = {{1.0, 0.8154435764300556},
@@ -98,7 +96,8 @@ TEST(Delay, InANonlinearLawIsTheReference) {
 
 // w' = -w + u(t - 0.5), u: 1, 3 from 0.8 on, -2 from 0.9 on
 TEST(Delay, OfAnInputPassesItsStepsOn) {
-  Simulation simulation = simulate(kOneShaft + "law: " + torqueOn("a", "delay(u, 0.5) - w_a") + R"yaml(
+  Simulation simulation =
+      simulate(kOneShaft + "law: " + torqueOn("a", "delay(u, 0.5) - w_a") + R"yaml(
 inputs: [u]
 u: {topic: u, hold: zero_order, initial: 1}
 outputs: [then, later]
@@ -132,7 +131,8 @@ b: {inertia: 1}
 c: {inertia: 1}
 torques: [clutch, law]
 clutch: {type: variator_sim/Clutch, shafts: [a, b], capacity: 4}
-law: )yaml" + torqueOn("c", "delay(w_a - w_b, 0.25)") + R"yaml(
+law: )yaml" + torqueOn("c", "delay(w_a - w_b, 0.25)") +
+                                   R"yaml(
 outputs: [torque]
 torque: {expression: "delay(clutch_torque, 0.25)"}
 initial: {velocity: [8, 0, 0]}
@@ -161,8 +161,8 @@ torques: [law]
 constraints: [lag]
 lag: {type: variator_sim/ExpressionConstraint, order: 2,
   expression: "0.2*e_b + w_b - delay(w_a, 0.5) - delay(u, 0.3)"}
-law: )yaml") + torqueOn("a", "1") + "principle: " +
-                                     principle + "\n");
+law: )yaml") + torqueOn("a", "1") +
+                                     "principle: " + principle + "\n");
     for (int n = 1; n <= 40; ++n) {
       const double t = 0.05 * n;
       const double s = std::max(t - 0.5, 0.0);
@@ -271,9 +271,8 @@ TEST_F(DelayByMachineCode, IsTheInterpretersToTheBit) {
 // Each end of a step ends others a delay later, and two delays multiply them: pieces that go on
 // into the next one keep steps from becoming ever shorter.
 TEST(Delay, OfSeveralTimesKeepsTheLengthOfSteps) {
-  Simulation simulation =
-      simulate(kOneShaft + "law: " +
-               torqueOn("a", "sin(3*t) - delay(w_a, 0.5) - 0.5*delay(phi_a, 0.7071)"));
+  Simulation simulation = simulate(
+      kOneShaft + "law: " + torqueOn("a", "sin(3*t) - delay(w_a, 0.5) - 0.5*delay(phi_a, 0.7071)"));
   ASSERT_TRUE(simulation.advanceTo(50.0).ok()) << simulation.describeStatus();
   const std::uint64_t first = simulation.statistics().steps;
   ASSERT_TRUE(simulation.advanceTo(500.0).ok()) << simulation.describeStatus();
@@ -281,9 +280,9 @@ TEST(Delay, OfSeveralTimesKeepsTheLengthOfSteps) {
 }
 
 TEST(Delay, WhosePastIsTooLongStopsByName) {
-  Simulation simulation = simulate(kOneShaft + "law: " +
-                                   torqueOn("a", "-1e6*phi_a + 0*delay(w_a, 1000)") +
-                                   "initial: {velocity: [1]}\n");
+  Simulation simulation =
+      simulate(kOneShaft + "law: " + torqueOn("a", "-1e6*phi_a + 0*delay(w_a, 1000)") +
+               "initial: {velocity: [1]}\n");
   EXPECT_FALSE(simulation.advanceTo(500.0).ok());
   for (const char* words : {"the past of 'delay(w_a, 1000)'", "16384", "shorter delay"})
     EXPECT_NE(simulation.describeStatus().find(words), std::string::npos)

@@ -94,8 +94,8 @@ std::string ProgramMotion::describeStop() {
     }
   }
   if (past_.findFull() >= 0) {
-    const auto input =
-        static_cast<std::size_t>(program_->delay_input.values[static_cast<std::size_t>(past_.findFull())]);
+    const auto input = static_cast<std::size_t>(
+        program_->delay_input.values[static_cast<std::size_t>(past_.findFull())]);
     text << "; the past of " << inQuotes(scene.inputs[input].name) << " has "
          << MotionPast::kMostPieces
          << " steps, which is all that is kept: a shorter delay, or larger tolerances, have fewer";

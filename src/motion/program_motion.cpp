@@ -224,7 +224,7 @@ double ProgramMotion::lastInside() const {
 
 void ProgramMotion::stop(scene_status status) {
   stop(reasonOf(status));
-  status_.time = frontTime();
+  status_.time = status == SCENE_NO_MODES ? std::max(it_.stopped, frontTime()) : frontTime();
   double input[kMaxInputs];
   for (int i = 0; i < scene.inputCount(); ++i) {
     input[i] = signal_[i].value(signal_origin_.relative(frontTime()));

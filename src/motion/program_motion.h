@@ -187,9 +187,9 @@ class ProgramMotion final : public MotionBase {
   int armed_[kMaxEvents] = {};
   MotionPast past_;
   double seen_input_[3 * kMaxInputs] = {};  ///< in the last sample; the value, u' and u'' of each
-  double begin_ = 0.0;                  ///< start of the last step, s
-  double begin_rest_ = 0.0;             ///< the part of it that a double rounds off
-  bool has_step_ = false;               ///< false: the motion begins at it_
+  double begin_ = 0.0;                      ///< start of the last step, s
+  double begin_rest_ = 0.0;                 ///< the part of it that a double rounds off
+  bool has_step_ = false;                   ///< false: the motion begins at it_
   bool is_start_ = true;
   bool is_still_ = false;
 

@@ -203,6 +203,7 @@ VS_FUNCTION int vs_host_begin(vs_host* h, const vs_exchange* from) {
   for (p = 0; p < K; ++p) m->longest[p] = from->longest[p];
   for (p = 0; p < HOLDS; ++p) {
     m->now.mode[p] = from->hold[p].mode;
+    m->now.told[p] = vs_plain_mode(p, m->now.mode[p]);
     m->now.counts[p] = from->hold[p].counts;
     m->now.side[p] = from->hold[p].side;
     m->now.heat[p] = from->hold[p].heat;
@@ -210,7 +211,15 @@ VS_FUNCTION int vs_host_begin(vs_host* h, const vs_exchange* from) {
   for (e = 0; e < EVENTS; ++e) m->now.armed[e] = from->begin == 0 ? from->armed[e] : 0;
   vs_host_forget_step(h);
   h->past = from->past;
-  if (from->begin == 0) return m->status = vs_host_enter_past(h, &jumps);
+  if (from->begin == 0) {
+    m->status = vs_host_enter_past(h, &jumps);
+    if (HOLDS > 0 && vs_begin_here(m, vs_unit_of(1e-3))) {
+      while (vs_series(m)->order < vs_decides_by()) vs_extend(vs_series(m));
+      vs_tell_modes(m, vs_series(m));
+    }
+    m->is_begun = 0;
+    return m->status;
+  }
   m->has_moved = from->begin != 1;
   m->status = vs_host_start(h, it, from->are_given, from->may_move);
   if (m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, it);
@@ -300,6 +309,7 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   to->rejections = m->rejections - rejections;
   to->passed = m->passed;
   if (m->status != SCENE_OK) {
+    to->stopped = m->now.time;
     m->now = h->before;
     vs_host_forget_step(h);
     return m->status;
@@ -325,11 +335,13 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
 /* The motion goes on from `at` s behind the start of the last step. */
 VS_FUNCTION int vs_host_cut(vs_host* h, double at) {
   scene_model* const m = &h->model;
+  int jumps;
   if (at < h->event && at < h->made) {
     const scene_state end = m->now;
     m->status = vs_host_go(h, at);
     if (m->status != SCENE_OK) m->now = end;
     vs_host_trim(h);
+    if (m->status == SCENE_OK) m->status = vs_host_enter_past(h, &jumps);
   }
   vs_host_forget_step(h);
   return m->status;
@@ -389,7 +401,7 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
   }
   for (p = 0; p < HOLDS; ++p) {
     vs_seen_hold* const held = to->hold + p;
-    held->mode = vs_told_mode(it, p, m->now.mode[p], 1);
+    held->mode = m->now.told[p];
     held->counts = m->now.counts[p];
     held->side = m->now.side[p];
     held->multiplier = m->now.multiplier[CONSTRAINTS + p];

@@ -230,6 +230,7 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
       m->passed = at.guard;
       ++m->steps;
       *made = h;
+      if (h > 1e-9 * seriesLarger(1.0, m->now.time)) m->series[0].slack = m->series[1].slack = 0.0;
       return TRANSMITS && !is_smooth ? vs_decide(m, 0) : SCENE_OK;
     }
     ++m->rejections;
