@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "variator_sim/expression/graph.h"
 #include "variator_sim/guard.h"
 #include "variator_sim/parameter_tree.h"
 
@@ -26,9 +27,10 @@ const char* toString(Hold hold);
 /// The action when no command has come for `timeout` seconds of simulated time.
 enum class OnTimeout { kHold, kZero };
 
-/// Sets the value of an input. Variables and states of a scene are inputs that no command reaches:
-/// events set both, and states move by their rates.
-enum class InputKind { kCommanded, kVariable, kState };
+/// Sets the value of an input. Variables, states and delayed formulas of a scene are inputs that no
+/// command reaches: events set the first two, states move by their rates, and a delayed formula has
+/// the value that it had some time ago.
+enum class InputKind { kCommanded, kVariable, kState, kDelayed };
 
 /// The settings of one input; constant during a run.
 struct CommandInputSettings {
@@ -46,6 +48,8 @@ struct CommandInputSettings {
   double maximum = std::numeric_limits<double>::infinity();
   double timeout = 0.0;  ///< s of simulated time without a command; 0: never
   OnTimeout on_timeout = OnTimeout::kHold;
+  expression::Node delayed;  ///< of kDelayed: the formula x of delay(x, T)
+  double delay = 0.0;        ///< T, s
 };
 
 /// Returns the index of the commanded input of `topic`. Throws std::invalid_argument with the

@@ -45,9 +45,16 @@ class ComponentContext {
   std::vector<int> readShafts(const std::string& key, int count);
   /// Declares a commanded input; returns the index into `input` and `input_rate` of StateView.
   int addInput(const CommandInputSettings& settings);
+  /// Returns the index of the input that has the value of `node` from `seconds` ago; declares it
+  /// under `text`, as the formula at `path` writes it, unless there is one. Throws SceneError.
+  int addDelay(expression::Node node, double seconds, const std::string& text,
+               const std::string& path);
   const CommandInputSettings& inputSettings(int index) const {
     return inputs_[static_cast<std::size_t>(index)];
   }
+  /// Gives the commanded input of this index the bounds of `range` in place of the limits that it
+  /// does not state: commands beyond are clamped and counted.
+  void limitInput(int index, const Range& range);
   /// Returns the formulas of the whole scene.
   const std::shared_ptr<expression::Graph>& graph() const { return graph_; }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <limits>
+#include <vector>
 
 #include "variator_sim/command_input.h"
 #include "variator_sim/parameter_tree.h"
@@ -52,6 +53,8 @@ struct MotionState {
     KeptReaction kept_reaction;
     HeldState held[kMaxHolds];   ///< in the order of Scene::holdNames
     int armed[kMaxEvents] = {};  ///< signs from which the functions of events are watched
+    /// The pieces of the past of each delayed formula (MotionPast).
+    std::vector<std::vector<std::vector<double>>> past;
     EnergyAccount energy;
   };
 

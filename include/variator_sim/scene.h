@@ -109,7 +109,11 @@ struct Scene {
   /// none.
   std::string nameOfDirection() const;
   /// True when the motion has more to go on from than shafts and commands.
-  bool hasMemory() const { return !states.empty() || !events.empty(); }
+  bool hasMemory() const { return !states.empty() || !events.empty() || firstDelay() >= 0; }
+  /// Returns the index of the first delayed formula among the inputs, -1 if there is none.
+  int firstDelay() const;
+  /// Throws SceneError, with `why`, for a scene that reads a delayed formula.
+  void refuseDelays(const std::string& why) const;
 };
 
 /// Reads a whole scene. `factory` makes the components. `node`: names that the program which runs

@@ -60,6 +60,9 @@ MotionEquations::MotionEquations(const Scene& scene, const std::vector<int>& mod
       holds_(collectHolds(scene)),
       graph_(*scene.graph),
       with_rates_of_c_(with_rates_of_c) {
+  scene.refuseDelays(
+      "linear models, steady states and checks of the principle have no past here; allowed: states "
+      "that follow it instead, rate: (x - z)/0.2, or of a steady state a scene without the delay");
   if (!scene.nameOfDirection().empty()) {
     throw SceneError(
         scene.nameOfDirection(),

@@ -162,8 +162,10 @@ std::string nameForC(const std::string& scene_path) {
 }
 
 EmittedScene emitScene(Simulation& simulation, const std::string& name, const std::string& title) {
-  return orRefuse("cannot be written as C",
-                  [&] { return Emission(simulation, name, title).write(); });
+  return orRefuse("cannot be written as C", [&] {
+    simulation.scene().refuseDelays(kNoPast);
+    return Emission(simulation, name, title).write();
+  });
 }
 
 }  // namespace variator_sim

@@ -292,8 +292,10 @@ class FmuWriter {
 
 std::string describeFmu(Simulation& simulation, int version, const std::string& name,
                         const std::string& title) {
-  return orRefuse("cannot be written as C",
-                  [&] { return FmuWriter(simulation, version).write(name, title); });
+  return orRefuse("cannot be written as C", [&] {
+    simulation.scene().refuseDelays(kNoPast);
+    return FmuWriter(simulation, version).write(name, title);
+  });
 }
 
 }  // namespace variator_sim

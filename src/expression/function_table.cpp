@@ -63,10 +63,7 @@ std::string explainForeignWord(const std::string& word) {
     return "the opposite of a comparison exchanges the two values of its 'if'";
   }
   if (is_one_of({"delay", "delayed", "transport_delay"})) {
-    return "formulas do not read the past; of a function of time write t - 0.2 for t, of a file "
-           "that is played shift its times, and of all else let a state or several in a row follow "
-           "it, "
-           "rate: (x - z)/0.2 (doc/scene.md)";
+    return "the value of x from 0.2 s ago is delay(x, 0.2), in formulas of scenes";
   }
   if (!is_one_of({"integral", "integrate", "integ", "int", "cumsum"})) return "";
   return "the integral of a speed is an angle, phi_SHAFT; that of anything else is a state of the "

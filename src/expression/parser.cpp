@@ -28,19 +28,22 @@ namespace variator_sim::expression {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
+constexpr const char* kDelay = "delay";
 
 /// Reads one text. A rule's function consumes the rule's text, makes its nodes and leaves the
 /// position at the next token; it throws on an error.
 class Parser : private FormulaText {
  public:
   Parser(const std::string& text, const SymbolTable& symbols, Graph& graph,
-         const NameExplainer& explain, const SymbolTable& linear, const NamedTables& tables)
+         const NameExplainer& explain, const SymbolTable& linear, const NamedTables& tables,
+         const DelayMaker& delay)
       : FormulaText(text),
         symbols_(symbols),
         graph_(graph),
         explain_(explain),
         linear_(linear),
-        tables_(tables) {}
+        tables_(tables),
+        delay_(delay) {}
 
   Node formula() {
     moveTo(0);
@@ -189,6 +192,7 @@ class Parser : private FormulaText {
   /// Reads a call: `name` was read at `where`; its arguments come next.
   Node call(const std::string& name, std::size_t where) {
     const Function* function = findFunction(name);
+    if (name == kDelay && delay_ && tables_.count(name) == 0) return delayed(where);
     if (function == nullptr && tables_.count(name) == 0) failUnknownFunction(name, where);
     const std::size_t opening = position_;
     accept('(');
@@ -233,6 +237,30 @@ class Parser : private FormulaText {
     const Node low = is_less == has_equal ? left : right;
     const Node high = is_less == has_equal ? right : left;
     return graph_.select(low, high, values[has_equal ? 0 : 1], values[has_equal ? 1 : 0]);
+  }
+
+  /// Reads behind the name `delay` at `where`.
+  Node delayed(std::size_t where) {
+    beginParenthesis(position_);
+    accept('(');
+    const Node x = sum();
+    const bool has_time = accept(',');
+    const Node time = has_time ? sum() : x;
+    if (!has_time || isAt(position_, ',')) {
+      fail(where, "the function 'delay' takes 2 arguments: the formula and the delay, s");
+    }
+    endParenthesis();
+    const double seconds = graph_.isConstant(time) ? graph_.constantValue(time) : 0.0;
+    if (!(seconds > 0.0) || !std::isfinite(seconds)) {
+      fail(where, "the delay of 'delay' is " +
+                      (graph_.isConstant(time) ? formatNumber(seconds) : "not constant") +
+                      "; allowed: a number > 0, s, as in delay(x, 0.2), or a parameter: only then "
+                      "are the instants known at which jumps come again");
+    }
+    if (readsLinear(x)) failNotLinear(where, x);
+    if (graph_.isConstant(x)) return x;
+    const std::size_t end = text_.find_last_of(')', position_ - 1) + 1;
+    return delay_(x, seconds, text_.substr(where, end - where));
   }
 
   void countOperand(std::size_t where) {
@@ -375,6 +403,7 @@ class Parser : private FormulaText {
   /// Returns all names that can be called.
   std::vector<std::string> callableNames() const {
     std::vector<std::string> names = functionNames();
+    if (delay_) names.emplace_back(kDelay);
     for (const auto& table : tables_) names.push_back(table.first);
     return names;
   }
@@ -421,6 +450,7 @@ class Parser : private FormulaText {
   const NameExplainer& explain_;
   const SymbolTable& linear_;
   const NamedTables& tables_;
+  const DelayMaker& delay_;
   std::set<std::string> used_;  ///< symbols
 
   int nesting_ = 0;
@@ -431,8 +461,8 @@ class Parser : private FormulaText {
 
 Node parse(const std::string& text, const SymbolTable& symbols, Graph& graph,
            const NameExplainer& explain, const SymbolTable& linear, const NamedTables& tables,
-           std::set<std::string>* used) {
-  Parser parser(text, symbols, graph, explain, linear, tables);
+           std::set<std::string>* used, const DelayMaker& delay) {
+  Parser parser(text, symbols, graph, explain, linear, tables, delay);
   const Node formula = parser.formula();
   if (used != nullptr) *used = parser.used();
   return formula;

@@ -180,8 +180,12 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
       }
       return explainName(unknown, context.shaftNames(), kind);
     };
-    formula = parse(text, variables.symbols, graph, explain, variables.jerks,
-                    context.symbols().tables, &used);
+    formula =
+        parse(text, variables.symbols, graph, explain, variables.jerks, context.symbols().tables,
+              &used, [&](Node x, double seconds, const std::string& written) {
+                const int input = context.addDelay(x, seconds, written, reader.keyPath(key));
+                return graph.variable(slotOf(Source::kInput, input));
+              });
   } catch (const ExpressionError& error) {
     throw SceneError(reader.keyPath(key), error.what());
   }

@@ -51,6 +51,7 @@ Expression readShared(ComponentContext& context, ParameterReader& section, const
         path, "the input " + inQuotes(name) + " may be " + ParameterTree::real(value).toText() +
                   " by its min, max and initial; allowed here: a number " + range.toText());
   }
+  context.limitInput(index, range);
   return inputVariable(context, index);
 }
 

@@ -1,6 +1,7 @@
 #include "variator_sim/component_context.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "variator_sim/nearest_name.h"
 #include "variator_sim/types.h"
@@ -56,6 +57,35 @@ int ComponentContext::addInput(const CommandInputSettings& settings) {
   inputs_.push_back(settings);
   const int index = static_cast<int>(inputs_.size()) - 1;
   used_inputs_.insert(index);
+  return index;
+}
+
+void ComponentContext::limitInput(int index, const Range& range) {
+  CommandInputSettings& input = inputs_[static_cast<std::size_t>(index)];
+  if (input.kind != InputKind::kCommanded) return;
+  if (std::isinf(input.minimum) && range.minimum_included) input.minimum = range.minimum;
+  if (std::isinf(input.maximum) && range.maximum_included) input.maximum = range.maximum;
+}
+
+int ComponentContext::addDelay(expression::Node node, double seconds, const std::string& text,
+                               const std::string& path) {
+  const auto same = std::find_if(inputs_.begin(), inputs_.end(), [&](const auto& other) {
+    return other.kind == InputKind::kDelayed && other.delayed == node && other.delay == seconds;
+  });
+  const int index = static_cast<int>(same - inputs_.begin());
+  used_inputs_.insert(index);
+  if (same != inputs_.end()) return index;
+  if (inputs_.size() >= static_cast<std::size_t>(kMaxInputs)) {
+    throw SceneError(path, inQuotes(text) + " is one input, variable, state or delay too many; " +
+                               "allowed: " + std::to_string(kMaxInputs) + " in one scene");
+  }
+  CommandInputSettings made;
+  made.kind = InputKind::kDelayed;
+  made.topic = made.name = text;
+  made.owner = name_;
+  made.delayed = node;
+  made.delay = seconds;
+  inputs_.push_back(made);
   return index;
 }
 

@@ -215,7 +215,8 @@ void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene,
     if (input.kind != InputKind::kCommanded) {
       throw SceneError(constraint.name(),
                        "it is of order 1 and reads " + inQuotes(input.name) +
-                           ", a variable or state, whose second rate it would need; allowed: a "
+                           ", a variable, state or delay, whose second rate it would need "
+                           "without jumps; allowed: a "
                            "constraint of order 2 (of a ratio: variator_sim/SlipRatio)");
     }
     const bool is_shared = input.owner != constraint.name();
@@ -231,6 +232,20 @@ void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene,
                          " of order 1, which takes inputs with two derivatives only; allowed: hold "
                          "second_order_lag, with a time_constant (a ratio that may jump: a "
                          "constraint of order 2, variator_sim/SlipRatio)");
+  }
+}
+
+/// Rejects delayed formulas that read what the motion's program has no power series of.
+void checkDelays(const Scene& scene) {
+  for (const CommandInputSettings& input : scene.inputs) {
+    if (input.kind != InputKind::kDelayed) continue;
+    for (const SceneState& state : scene.states) {
+      const int rate = expression::slotOf(expression::Source::kInputRate, state.input);
+      if (!scene.graph->dependsOn(input.delayed, rate)) continue;
+      throw SceneError(input.owner, inQuotes(input.name) +
+                                        " delays a jerk, a rate of reaction or a multiplier; "
+                                        "allowed: formulas without these");
+    }
   }
 }
 
@@ -420,6 +435,7 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
     });
   }
   scene.symbols.observed.clear();
+  faults.collect([&] { checkDelays(scene); });
   faults.collect([&] { checkTopics(scene, node.topics); });
   faults.collect([&] { checkEdges(scene); });
   faults.tell();
@@ -447,6 +463,19 @@ bool isOutsideFormulas(const std::string& path, const Scene& scene) {
   if (!scene.inertia_formulas.empty()) return first == "solver";
   return first == "initial" || first == "solver" ||
          std::find(scene.shafts.begin(), scene.shafts.end(), first) != scene.shafts.end();
+}
+
+int Scene::firstDelay() const {
+  const auto found = std::find_if(inputs.begin(), inputs.end(), [](const auto& input) {
+    return input.kind == InputKind::kDelayed;
+  });
+  return found == inputs.end() ? -1 : static_cast<int>(found - inputs.begin());
+}
+
+void Scene::refuseDelays(const std::string& why) const {
+  if (firstDelay() < 0) return;
+  const CommandInputSettings& input = inputs[static_cast<std::size_t>(firstDelay())];
+  throw SceneError(input.owner, "reads " + inQuotes(input.name) + ", and " + why);
 }
 
 std::string Scene::nameOfDirection() const {

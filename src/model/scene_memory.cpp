@@ -204,7 +204,10 @@ void noteReaders(ParameterReader& root, const SceneNames& names, Scene* scene) {
     };
     const bool is_moving =
         std::any_of(scene->torques.begin(), scene->torques.end(), lawReads) ||
-        std::any_of(scene->constraints.begin(), scene->constraints.end(), lawReads);
+        std::any_of(scene->constraints.begin(), scene->constraints.end(), lawReads) ||
+        std::any_of(scene->inputs.begin(), scene->inputs.end(), [&](const auto& it) {
+          return it.kind == InputKind::kDelayed && reads(it.delayed);
+        });
     const bool rates_read = std::any_of(scene->states.begin(), scene->states.end(),
                                         [&](const SceneState& it) { return reads(it.rate); });
     state.is_read = is_moving || rates_read ||
@@ -244,7 +247,7 @@ void readEvents(ParameterReader& root, const SceneNames& names, Scene* scene) {
     ParameterReader set = reader.section("set");
     for (int i = 0; i < scene->inputCount(); ++i) {
       const CommandInputSettings& input = scene->inputs[static_cast<std::size_t>(i)];
-      if (input.kind == InputKind::kCommanded) continue;
+      if (input.kind != InputKind::kVariable && input.kind != InputKind::kState) continue;
       set.allow(input.name);
       if (!set.has(input.name)) continue;
       event.sets.emplace_back(i,

@@ -18,6 +18,33 @@ ParameterTree listOf(const double* values, int count) {
   return ParameterTree::list(std::move(list));
 }
 
+template <class Values, class Make>
+ParameterTree listOf(const Values& values, Make make) {
+  ParameterTree::List list;
+  for (const auto& value : values) list.push_back(make(value));
+  return ParameterTree::list(std::move(list));
+}
+
+/// Reads the pieces of the past of each delayed formula.
+void readPast(ParameterReader& reader, const Scene& scene, MotionState::History* history) {
+  reader.allow("past");
+  if (scene.firstDelay() < 0 || !reader.has("past")) return;
+  const std::string path = reader.keyPath("past");
+  const auto each = [](const ParameterTree& list, const std::string& at, const auto& read) {
+    for (std::size_t n = 0; n < list.asList().size(); ++n)
+      read(list.asList()[n], elementPath(at, n));
+  };
+  each(reader.require("past", "a list"), path, [&](const ParameterTree& pieces, const auto& of) {
+    history->past.emplace_back();
+    each(pieces, of, [&](const ParameterTree& piece, const auto& at) {
+      history->past.back().emplace_back();
+      each(piece, at, [&](const ParameterTree& value, const auto& number) {
+        history->past.back().back().push_back(ParameterReader::toNumber(value, number));
+      });
+    });
+  });
+}
+
 void readList(ParameterReader& reader, const std::string& key, int count, double* values) {
   const std::vector<double> list = reader.numbers(key, static_cast<std::size_t>(count));
   std::copy(list.begin(), list.end(), values);
@@ -61,6 +88,11 @@ ParameterTree toTree(const MotionState::History& history, const Scene& scene) {
     armed[scene.events[e].name] = ParameterTree::integer(history.armed[e]);
   }
   if (!armed.empty()) tree["events"] = ParameterTree::dictionary(std::move(armed));
+  if (!history.past.empty()) {
+    tree["past"] = listOf(history.past, [](const auto& pieces) {
+      return listOf(pieces, [](const auto& piece) { return listOf(piece, ParameterTree::real); });
+    });
+  }
   if (history.kept_reaction.exists) {
     ParameterTree::List free;
     for (int i = 0; i < S; ++i) {
@@ -152,6 +184,7 @@ MotionState::History readHistory(ParameterReader& root, const Scene& scene) {
       history.armed[e] = events.integer(scene.events[e].name, -1, 1);
     events.finish();
   }
+  readPast(reader, scene, &history);
   history.kept_reaction = readKeptReaction(reader, scene);
   reader.finish();
   return history;
@@ -183,11 +216,14 @@ void readShafts(ParameterReader& root, const Scene& scene, bool needs_all, Motio
 void readInputs(ParameterReader& root, const Scene& scene, bool needs_all, MotionState* state) {
   if (scene.inputs.empty() || (!needs_all && !root.has("inputs"))) return;
   ParameterReader inputs = root.section("inputs");
-  for (const CommandInputSettings& input : scene.inputs) inputs.allow(input.topic);
+  for (const CommandInputSettings& input : scene.inputs) {
+    if (input.kind != InputKind::kDelayed) inputs.allow(input.topic);
+  }
   inputs.finish();
   int next = 0;
   for (const CommandInputSettings& settings : scene.inputs) {
     const int i = next++;
+    if (settings.kind == InputKind::kDelayed) continue;
     if (!needs_all && !inputs.has(settings.topic)) continue;
     ParameterReader input = inputs.section(settings.topic);
     state->signal[i] = CommandSignal::fromTree(input, settings);
@@ -215,6 +251,7 @@ ParameterTree toTree(const MotionState& state, const Scene& scene) {
   int next = 0;
   for (const CommandInputSettings& settings : scene.inputs) {
     const int i = next++;
+    if (settings.kind == InputKind::kDelayed) continue;
     ParameterTree input = state.signal[i].toTree();
     if (settings.timeout > 0.0 && state.last_command[i] < std::numeric_limits<double>::infinity()) {
       input.asDictionary()["last_command"] = ParameterTree::real(state.last_command[i]);

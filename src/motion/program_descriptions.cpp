@@ -93,6 +93,13 @@ std::string ProgramMotion::describeStop() {
       before = ", ";
     }
   }
+  if (past_.findFull() >= 0) {
+    const auto input = static_cast<std::size_t>(
+        program_->delay_input.values[static_cast<std::size_t>(past_.findFull())]);
+    text << "; the past of " << inQuotes(scene.inputs[input].name) << " has "
+         << MotionPast::kMostPieces
+         << " steps, which is all that is kept: a shorter delay, or larger tolerances, have fewer";
+  }
   text << scene.extreme_numbers;
   return text.str();
 }
@@ -120,6 +127,9 @@ bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
       host_->leave(&it_);
     }
     vs_exchange from = it_;
+    MotionPast past(*program_);  // its own: steps add to it
+    past.restore(past_.save());
+    from.past = past.data();
     from.begin = static_cast<int>(Begin::kSaved);
     status[n] = tried->begin(from);
     vs_exchange made = from;

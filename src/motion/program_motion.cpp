@@ -48,6 +48,7 @@ ProgramMotion::ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgra
       motion_(std::move(integrator)),
       program_(std::move(program)),
       host_(hostMotion(*program_)),
+      past_(*program_),
       progress_(scene.solver.maximum_steps) {
   it_.state = state_;
   it_.multiplier = multiplier_;
@@ -62,6 +63,7 @@ ProgramMotion::ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgra
   it_.hold = hold_;
   if (program_->HOLDS > 0 || program_->EVENTS > 0) events_.resize(kMostEvents);
   it_.armed = armed_;
+  it_.past = past_.data();
   reset();
   if (like != nullptr) useCodeOf(*like);
 }
@@ -222,7 +224,7 @@ double ProgramMotion::lastInside() const {
 
 void ProgramMotion::stop(scene_status status) {
   stop(reasonOf(status));
-  status_.time = frontTime();
+  status_.time = status == SCENE_NO_MODES ? std::max(it_.stopped, frontTime()) : frontTime();
   double input[kMaxInputs];
   for (int i = 0; i < scene.inputCount(); ++i) {
     input[i] = signal_[i].value(signal_origin_.relative(frontTime()));
@@ -371,7 +373,10 @@ StateView ProgramMotion::view() {
     input_rate_[i] = signal.rate(at);
     input_second_rate_[i] = signal.secondRate(at);
     const InputKind kind = scene.inputs[static_cast<std::size_t>(i)].kind;
-    if (kind != InputKind::kCommanded) input_value_[i] = seen_input_[i];
+    if (kind != InputKind::kCommanded) input_value_[i] = seen_input_[3 * i];
+    if (kind != InputKind::kDelayed) continue;
+    input_rate_[i] = seen_input_[3 * i + 1];
+    input_second_rate_[i] = seen_input_[3 * i + 2];
   }
   return {time,         now.angle,   now.velocity,       now.acceleration,
           input_value_, input_rate_, input_second_rate_, program_->HOLDS > 0 ? held_ : nullptr,

@@ -17,6 +17,7 @@
 #include "integrate/progress.h"
 #include "integrate/time_origin.h"
 #include "motion/motion.h"
+#include "motion/motion_past.h"
 #include "motion_program/motion_steps.h"
 
 namespace variator_sim {
@@ -184,10 +185,11 @@ class ProgramMotion final : public MotionBase {
   vs_exchanged_hold hold_[kMaxHolds] = {};
   vs_exchanged_signal input_[kMaxInputs] = {};
   int armed_[kMaxEvents] = {};
-  double seen_input_[kMaxInputs] = {};  ///< values of states and variables in the last sample
-  double begin_ = 0.0;                  ///< start of the last step, s
-  double begin_rest_ = 0.0;             ///< the part of it that a double rounds off
-  bool has_step_ = false;               ///< false: the motion begins at it_
+  MotionPast past_;
+  double seen_input_[3 * kMaxInputs] = {};  ///< in the last sample; the value, u' and u'' of each
+  double begin_ = 0.0;                      ///< start of the last step, s
+  double begin_rest_ = 0.0;                 ///< the part of it that a double rounds off
+  bool has_step_ = false;                   ///< false: the motion begins at it_
   bool is_start_ = true;
   bool is_still_ = false;
 

@@ -25,6 +25,7 @@ bool ProgramMotion::saveState(MotionState* state) {
   std::copy_n(multiplier_, scene.constraintCount(), state->history.multiplier);
   saveHeld(state->history.held);
   std::copy_n(armed_, kMaxEvents, state->history.armed);
+  state->history.past = past_.save();
   state->history.kept_reaction.exists = true;
   std::copy_n(reaction_, S, state->history.kept_reaction.value);
   state->history.energy.start_kinetic = start_kinetic_;
@@ -74,6 +75,7 @@ scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
   it_.time_rest = 0.0;
   it_.are_given = state.is_acceleration_given ? 1 : 0;
   it_.may_move = may_move ? 1 : 0;
+  if (state.history.exists && !past_.restore(state.history.past)) return SCENE_BAD_ARGUMENT;
   const scene_status status = begin(state.history.exists ? Begin::kSaved : Begin::kWritten);
   if (state.history.exists) {
     start_kinetic_ = state.history.energy.start_kinetic;

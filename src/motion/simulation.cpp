@@ -29,6 +29,8 @@ void refuseOtherSteppers(const Scene& scene) {
   const std::vector<std::string> holds = scene.holdNames();
   std::string name = holds.empty() ? scene.nameOfDirection() : holds.front();
   if (name.empty() && !scene.inertia_formulas.empty()) name = "inertia";
+  const int delay = scene.firstDelay();
+  if (name.empty() && delay >= 0) name = scene.inputs[static_cast<std::size_t>(delay)].name;
   if (name.empty() || stepper == StepperKind::kAuto || stepper == StepperKind::kTaylor) return;
   throw SceneError("solver/stepper", inQuotes(toString(stepper)) + " does not step " +
                                          inQuotes(name) + "; allowed: auto, taylor");

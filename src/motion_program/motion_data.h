@@ -23,7 +23,7 @@ struct MotionList {
   F(HAS_ORDER_1) F(HAS_RESIDUAL) F(HAS_GIVEN_ACCELERATIONS)                                   \
   F(MAY_PROJECT) F(HAS_NEUTRAL) F(JUMPS_STRAIGHT) F(COMPONENTS) F(FIRST_JUDGED) F(SIGNS)      \
   F(TABLES) F(CONSTANTS) F(INPUT_ROW_COUNT) F(RESOLVED) F(STATES) F(STATE) F(VARIABLES)       \
-  F(EVENTS) F(FIRST_EVENT)                                                                    \
+  F(EVENTS) F(FIRST_EVENT) F(DELAYS)                                                                   \
   F(TIME) F(ANGLE) F(VELOCITY) F(ACCELERATION) F(MULTIPLIER) F(PULL) F(TRANSMITTED)
 // the sizes of a series,
 #define VARIATOR_SIM_MOTION_EXTENTS(F) \
@@ -49,6 +49,7 @@ struct MotionList {
   F(int, has_lower) F(int, has_level) F(int, has_gap) F(int, slides_backward)                   \
   F(int, begins_in) F(double, restitution) F(double, closes_below)                              \
   F(int, takes_commands) F(int, state_input) F(int, state_is_wanted) F(int, rate_row) F(int, variable_input)                \
+  F(int, delay_input) F(int, delayed_row) F(double, delay_of)                                    \
   F(int, event_direction) F(int, set_begin) F(int, set_input) F(int, set_row)
 // Lists of commands, which kernels leave to their host: one suits all holds of an input.
 #define VARIATOR_SIM_MOTION_COMMANDS(F)                                                         \

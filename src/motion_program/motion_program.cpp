@@ -66,6 +66,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   add(formulas_.pair);
   add(formulas_.turn);
   add(formulas_.rate);
+  add(formulas_.delayed);
   for (const expression::Branch& it : formulas_.signs) outputs_.push_back(it.argument);
   for (const expression::Passage& it : formulas_.tables) outputs_.push_back(it.argument);
   for (const SceneHold& it : formulas_.holds) {
@@ -343,6 +344,7 @@ void MotionProgram::setHolds(const expression::Graph& graph) {
     restitution.values.push_back(it.law.restitution);
     closes_below.values.push_back(it.law.closes_below);
   }
+  for (const Node node : formulas_.delayed) watch(node);
   WATCHED = static_cast<int>(watched_row.values.size());
 }
 
@@ -350,6 +352,10 @@ void MotionProgram::setMemory(const Scene& scene) {
   int count = 0;
   for (const CommandInputSettings& it : scene.inputs) {
     takes_commands.values.push_back(it.kind == InputKind::kCommanded ? 1 : 0);
+    if (it.kind == InputKind::kDelayed) {
+      delay_input.values.push_back(count);
+      delay_of.values.push_back(it.delay);
+    }
     if (it.kind == InputKind::kVariable) variable_input.values.push_back(count);
     ++count;
   }
@@ -357,6 +363,8 @@ void MotionProgram::setMemory(const Scene& scene) {
     state_input.values.push_back(it.input);
     state_is_wanted.values.push_back(it.is_read ? 1 : 0);
   }
+  delayed_row = rowsOf(formulas_.delayed);
+  DELAYS = static_cast<int>(delay_input.values.size());
   rate_row = rowsOf(formulas_.rate);
   set_row = rowsOf(formulas_.set);
   for (const SceneEvent& it : scene.events) {

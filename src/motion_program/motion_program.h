@@ -22,6 +22,10 @@ auto orRefuse(const std::string& fault, Make make) {
   }
 }
 
+/// The reason for which a scene with a delay is no program of its own.
+inline constexpr const char* kNoPast =
+    "programs of their own keep no past; allowed: states that follow it instead, rate: (x - z)/0.2";
+
 class MotionProgram : public MotionData {
  public:
   /// `shown`: further formulas, with a row at order 0. Throws SceneError, with the element and the

@@ -103,6 +103,7 @@ std::string MotionProgram::writeSharedLists() const {
 #define passage_points it->numbers->passage_points
 #define restitution it->numbers->restitution
 #define closes_below it->numbers->closes_below
+#define delay_of m->series[0].numbers->delay_of
 #define resolved ((const struct SeriesOperation*)it->numbers->resolved)
 )c";
 }

@@ -93,7 +93,8 @@ class CompiledMotion {
                 tables_of_two_.data(),
                 program.resolved.values.data(),
                 program.restitution,
-                program.closes_below};
+                program.closes_below,
+                program.delay_of};
     call<void>("begin", model(), static_cast<const vs_numbers*>(&numbers_));
   }
   CompiledMotion(const CompiledMotion&) = delete;

@@ -260,6 +260,10 @@ SceneFormulas collectFormulas(const Scene& scene) {
   laws.insert(laws.end(), made.pair.begin(), made.pair.end());
   for (const SceneState& state : scene.states) made.rate.push_back(state.rate);
   laws.insert(laws.end(), made.rate.begin(), made.rate.end());
+  for (const CommandInputSettings& input : scene.inputs) {
+    if (input.kind == InputKind::kDelayed) made.delayed.push_back(input.delayed);
+  }
+  laws.insert(laws.end(), made.delayed.begin(), made.delayed.end());
   for (const SceneEvent& event : scene.events) laws.push_back(event.when);
   made.signs = findBranches(*scene.graph, laws);
   made.tables = findPassages(*scene.graph, laws);

@@ -43,6 +43,7 @@ struct SceneFormulas {
   std::vector<std::string> hold_names;  ///< the element's, and the part's behind a slash
   std::vector<expression::Node> rate;   ///< of each state
   std::vector<expression::Node> set;    ///< values that events set
+  std::vector<expression::Node> delayed;
   bool inertia_varies = false;
   bool has_directions = false;  ///< some D is not C
   /// The element that keeps the texts of src/runtime from stepping the motion, and the reason; its

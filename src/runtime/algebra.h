@@ -43,7 +43,7 @@ VS_FUNCTION void vs_enter_state(const scene_model* m, scene_series* it) {
   for (i = 0; i < HOLDS; ++i) {
     it->counts[i] = m->now.counts[i];
     it->row[side_row[i]][0] = m->now.side[i];
-    it->row[mode_row[i]][0] = vs_plain_mode(i, m->now.mode[i]);
+    it->row[mode_row[i]][0] = m->now.told[i];
     it->row[counts_row[i]][0] = m->now.counts[i];
   }
   vs_given(it, 0);

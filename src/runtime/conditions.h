@@ -19,10 +19,10 @@ enum { VS_CONDITIONS = 3 };
 enum { VS_BEGINS_STUCK = 1, VS_BEGINS_SLIPPING };
 enum { VS_OF_LEVEL, VS_OF_SLIP, VS_OF_TORQUE, VS_OF_GAP };
 
-/* The part of its terms that rounding, and what the tolerance leaves open, moves a condition by. */
+/* The part of its terms that rounding, and what the tolerance leaves open, moves a condition by:
+ * more of it, up to the end of the next step, where no modes go on without (vs_find_modes). */
 VS_FUNCTION_RARE double vs_noise(const scene_series* it) {
-  (void)it;
-  return seriesLarger(1e-3 * RELATIVE_TOLERANCE, 2e-13);
+  return (1.0 + it->slack) * seriesLarger(1e-3 * RELATIVE_TOLERANCE, 2e-13);
 }
 
 /* The size of the torques on a shaft, order n. */

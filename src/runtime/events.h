@@ -93,14 +93,28 @@ VS_FUNCTION double vs_clearance(const double* c, int last, double theta, double 
   return seriesSmaller(c[0] - low, high - c[0]) - (sum + 4.0 * (term + before));
 }
 
+/* True where a guard stays on a point up to `reach`, but for what rounding and the tolerance make
+ * of it: of speeds that a lock or a gear couples, say. Its modes are those of the point there, and
+ * its series is noise, which has roots without end. */
+VS_FUNCTION int vs_rests(const scene_series* it, const Real* x, double reach, double point) {
+  const double noise = 1e-3 * vs_tolerance(it, point);
+  double sum = fabs(x[0] - point), power = reach;
+  int n;
+  for (n = 1; n <= it->order && sum <= noise; ++n, power *= reach) sum += fabs(x[n]) * power;
+  return sum <= noise;
+}
+
 /* True unless a guard stays away from its points up to `reach`: those on both sides of it, and the
  * one on which it begins. */
 VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, double* points) {
   const Real* const x = vs_guard(it, guard);
+  int k;
   points[0] = x[0] >= 0.0 ? 0.0 : -INFINITY;
   points[1] = x[0] < 0.0 ? 0.0 : INFINITY;
   points[2] = x[0] == 0.0 ? 0.0 : INFINITY;
   if (guard >= SIGNS) vs_find_points(it, guard - SIGNS, x[0], &points[0], &points[1], &points[2]);
+  for (k = 0; k < 3 && !(guard < SIGNS ? sign_jumps[guard] : passage_jumps[guard - SIGNS]); ++k)
+    if (isfinite(points[k]) && vs_rests(it, x, reach, points[k])) return 0;
   return points[2] == x[0] || !(vs_clearance(x, it->order, reach, points[0], points[1]) > 0.0);
 }
 

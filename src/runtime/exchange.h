@@ -10,6 +10,7 @@ VS_FUNCTION scene_signal vs_signal_of(const vs_exchanged_signal* from) {
   s.linear = from->linear;
   s.age = from->age;
   s.end = from->end;
+  s.piece = 0;
   return s;
 }
 

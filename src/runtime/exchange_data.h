@@ -13,6 +13,15 @@ typedef struct {
   double side, heat;
 } vs_exchanged_hold;
 
+/* The past of a delayed formula: a ring of the polynomials of steps, the oldest one first. A piece
+ * is VS_PIECE doubles and its coefficients (inputs.h). */
+typedef struct {
+  double* pieces;
+  int stride, capacity; /* doubles of a piece; pieces */
+  int first, count;
+  int is_full; /* 1: the last step had no room */
+} vs_past;
+
 typedef struct {
   /* In, at a beginning; out, the end of the step */
   double time, time_rest;     /* s; the sum counts */
@@ -24,15 +33,17 @@ typedef struct {
   vs_exchanged_hold* hold;    /* HOLDS */
   double usual;               /* the length that the next step may have, s; 0: unknown */
   int* armed;                 /* of events: scene_state's */
+  vs_past* past;              /* of delayed formulas, which the steps go on with */
   /* In */
   int begin;     /* 0: goes on from the state; 1: from the nearest one at time 0; 2: at another */
   int are_given; /* 1: the accelerations are, too; 0: those of least reaction */
   int may_move;  /* 1: to the nearest state that the constraints allow */
   /* Out */
-  double made;  /* the length of the step, s */
-  int passed;   /* the guard that the step passed at its end, or -1 */
-  int is_event; /* 1: the step ends at an event behind which all begins anew */
-  int is_still; /* 1: nothing moves by more than the tolerance in it */
+  double made;    /* the length of the step, s */
+  double stopped; /* the instant, s, of a step that failed: its begin, or where no modes go on */
+  int passed;     /* the guard that the step passed at its end, or -1 */
+  int is_event;   /* 1: the step ends at an event behind which all begins anew */
+  int is_still;   /* 1: nothing moves by more than the tolerance in it */
   long rejections;
   double event;              /* from where on, s of the step, its end stands for all */
   const scene_event* events; /* changes of modes, and events of the scene (host.h) */
@@ -63,7 +74,7 @@ typedef struct {
   double kinetic;                                    /* J */
   vs_seen_hold* hold;                                /* of elements that hold, HOLDS */
   double* on_shaft;                                  /* N m, of each on each shaft: HOLDS S */
-  double* input;                                     /* of states and variables the value; INPUTS */
+  double* input;                                     /* value, rate, second rate; 3 INPUTS */
 } vs_seen;
 
 /* The constants of a program whose text has none: machine code that scenes share. */
@@ -77,4 +88,5 @@ typedef struct vs_numbers {
   const vs_table_of_two* table_of_two;
   const void* resolved;                     /* struct SeriesOperation */
   const double *restitution, *closes_below; /* of elements that hold */
+  const double* delay_of;                   /* s */
 } vs_numbers;

@@ -299,7 +299,7 @@ static void fmu_advance(fmu_motion* m, double end, int stops) {
 /* Writes all values of the communication point. */
 static void fmu_look(fmu_motion* m) {
   vs_seen_hold hold[MOST_HOLDS + 1];
-  double on_shaft[MOST_HOLDS * MOST_SHAFTS + 1], input[MOST_INPUTS + 1];
+  double on_shaft[MOST_HOLDS * MOST_SHAFTS + 1], input[3 * MOST_INPUTS + 3];
   double covariant_rate[MOST_SHAFTS];
   double* to = m->value;
   vs_seen seen;
@@ -330,8 +330,8 @@ static void fmu_look(fmu_motion* m) {
     *to++ = hold[i].reserve;
     *to++ = hold[i].heat;
   }
-  for (i = 0; i < STATES; ++i) *to++ = input[state_input[i]];
-  for (i = 0; i < VARIABLES; ++i) *to++ = input[variable_input[i]];
+  for (i = 0; i < STATES; ++i) *to++ = input[3 * state_input[i]];
+  for (i = 0; i < VARIABLES; ++i) *to++ = input[3 * variable_input[i]];
   for (i = 0; i < FMU_ROWS; ++i) *to++ = m->host.seen.row[fmu_row[i]][0];
   m->is_seen = 1;
 }

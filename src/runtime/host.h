@@ -8,6 +8,7 @@ typedef struct {
   int taken;          /* the series of the last step */
   double made;        /* its length, s; 0: there is none */
   double event;       /* from where on, s, its end stands for all */
+  vs_past* past;      /* of delayed formulas */
 } vs_host;
 
 VS_FUNCTION void vs_host_prepare(vs_host* h) {
@@ -16,6 +17,164 @@ VS_FUNCTION void vs_host_prepare(vs_host* h) {
   vs_set_constants(&h->model);
   (void)m;
   for (n = 0; n < CONSTANTS; ++n) h->seen.row[constant_row[n]][0] = constant_value[n];
+}
+
+/* ---- delay(x, T) is an input whose closed form is a piece of x's past: it changes where a piece
+        ends, and its value jumps where x has jumped T ago. Before the start x has the value that it
+        has there. ---- */
+
+VS_FUNCTION double* vs_piece(const vs_past* past, int n) {
+  return past->pieces + (size_t)past->stride * (size_t)((past->first + n) % past->capacity);
+}
+
+/* The time, s, from the start of a piece to `delay` before the present. */
+VS_FUNCTION double vs_age(const scene_model* m, const double* piece, double delay) {
+  return (m->now.time - piece[VS_START] - delay) + (m->now.time_rest - piece[VS_START_REST]);
+}
+
+VS_FUNCTION double vs_time_noise(const scene_model* m) {
+  return 16.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time);
+}
+
+/* True where a piece goes on as a series of the present does, with their rates, over `made` s to
+ * within a hundredth of the tolerance. */
+VS_FUNCTION int vs_continues(const scene_model* m, const scene_series* it, const double* piece,
+                             const Real* c, double made) {
+  const double most = 64.0; /* units: the powers of a polynomial overflow in the end */
+  const double age = vs_age(m, piece, 0.0), theta = made / it->unit;
+  double u[VS_STRIDE], power = 1.0, off = 0.0;
+  int n;
+  if (!(age + made <= most * piece[VS_UNIT])) return 0;
+  vs_expand_piece(piece, age, it->unit, SCENE_ORDER, u);
+  for (n = 0; n <= SCENE_ORDER; ++n, power *= theta)
+    off += (n + 1) * fabs(u[n] - (n <= it->order ? c[n] : 0.0)) * power;
+  return off <= 0.01 * vs_tolerance(it, c[0]);
+}
+
+/* Adds the last step, from h->before, to the past. A piece that goes on as the step did only
+ * becomes longer: steps end where pieces do, and each such end would be one of a piece again. */
+VS_FUNCTION scene_status vs_host_record(vs_host* h) {
+  scene_model* const m = &h->model;
+  const scene_series* const it = &m->series[h->taken];
+  const scene_state end = m->now;
+  scene_status status = SCENE_OK;
+  int d, n;
+  m->now = h->before;
+  for (d = 0; d < DELAYS; ++d) {
+    vs_past* const past = h->past + d;
+    const Real* const c = it->row[delayed_row[d]];
+    double* piece = vs_piece(past, 0);
+    while (past->count > 1 && vs_age(m, piece, delay_of[d]) > piece[VS_LENGTH] + vs_time_noise(m)) {
+      past->first = (past->first + 1) % past->capacity;
+      --past->count;
+      piece = vs_piece(past, 0);
+    }
+    piece = vs_piece(past, past->count - 1);
+    if (vs_continues(m, it, piece, c, h->made)) {
+      piece[VS_LENGTH] = vs_age(m, piece, 0.0) + h->made;
+      continue;
+    }
+    past->is_full = past->count == past->capacity;
+    if (past->is_full) {
+      status = SCENE_TOO_MANY_STEPS;
+      break;
+    }
+    piece = vs_piece(past, past->count++);
+    piece[VS_START] = m->now.time;
+    piece[VS_START_REST] = m->now.time_rest;
+    piece[VS_LENGTH] = h->made;
+    piece[VS_UNIT] = it->unit;
+    piece[VS_LAST] = it->order;
+    for (n = 0; n <= it->order; ++n) piece[VS_PIECE + n] = c[n];
+  }
+  m->now = end;
+  return status;
+}
+
+/* Forgets what lies behind the present. */
+VS_FUNCTION void vs_host_trim(vs_host* h) {
+  int d;
+  for (d = 0; d < DELAYS; ++d) {
+    vs_past* const past = h->past + d;
+    double* piece = vs_piece(past, past->count - 1);
+    while (past->count > 1 && vs_age(&h->model, piece, 0.0) <= 0.0)
+      piece = vs_piece(past, --past->count - 1);
+    piece[VS_LENGTH] = seriesSmaller(piece[VS_LENGTH], vs_age(&h->model, piece, 0.0));
+  }
+}
+
+/* Lets delayed inputs go on with the pieces of the present, however it was reached. *jumps: the
+ * value of one jumps. */
+VS_FUNCTION scene_status vs_host_enter_past(vs_host* h, int* jumps) {
+  scene_model* const m = &h->model;
+  scene_signal next[MOST_INPUTS + 1];
+  int d, i, n;
+  *jumps = 0;
+  for (i = 0; i < INPUTS; ++i) next[i] = m->now.input[i];
+  for (d = 0; d < DELAYS; ++d) {
+    const vs_past* const past = h->past + d;
+    const int is_first = m->now.input[delay_input[d]].piece == 0;
+    scene_signal* const s = next + delay_input[d];
+    const double before = is_first ? 0.0 : vs_input_value(s);
+    double after;
+    for (n = 0; n < past->count; ++n) {
+      s->piece = vs_piece(past, n);
+      s->age = vs_age(m, s->piece, delay_of[d]);
+      if (s->piece[VS_LENGTH] - s->age > vs_time_noise(m)) break;
+    }
+    s->form = VS_DELAYED;
+    s->age = seriesLarger(s->age, 0.0);
+    s->end = s->piece[VS_LENGTH];
+    after = vs_input_value(s);
+    *jumps = *jumps || (!is_first && fabs(after - before) > vs_tolerance(vs_series(m), after));
+  }
+  if (*jumps) return vs_change_inputs(m, next);
+  for (i = 0; i < INPUTS; ++i) m->now.input[i] = next[i];
+  if (DELAYS > 0) m->is_begun = 0;
+  return SCENE_OK;
+}
+
+/* The past before the present: one value. */
+VS_FUNCTION void vs_begin_past(const scene_model* m, vs_past* past, double delay, double value) {
+  double* const piece = past->pieces;
+  past->first = past->is_full = 0;
+  past->count = 1;
+  piece[VS_START] = m->now.time - delay;
+  piece[VS_START_REST] = m->now.time_rest;
+  piece[VS_LENGTH] = delay;
+  piece[VS_UNIT] = vs_unit_of(delay);
+  piece[VS_LAST] = 0.0;
+  piece[VS_PIECE] = value;
+}
+
+/* The first state (vs_start) and the values of delayed formulas there, which it may depend on. */
+VS_FUNCTION scene_status vs_host_start(vs_host* h, scene_series* it, int are_given, int may_move) {
+  enum { VS_MOST_ROUNDS = 50 };
+  scene_model* const m = &h->model;
+  const scene_state given = m->now;
+  scene_signal signal[MOST_INPUTS + 1];
+  scene_status status = SCENE_OK;
+  int d, round, jumps, moves = 1;
+  for (d = 0; d < DELAYS; ++d) vs_begin_past(m, h->past + d, delay_of[d], 0.0);
+  if (DELAYS > 0) status = vs_host_enter_past(h, &jumps);
+  for (round = 0; DELAYS > 0 && moves && status == SCENE_OK; ++round) {
+    if (round == VS_MOST_ROUNDS) return SCENE_NOT_CONVERGED;
+    moves = round == 0;
+    vs_enter_inputs(m, it, 0);
+    vs_enter_state(m, it);
+    for (d = 0; d < DELAYS; ++d) {
+      const double value = it->row[delayed_row[d]][0];
+      if (!isfinite(value)) return SCENE_NOT_FINITE;
+      moves = moves || !(fabs(value - h->past[d].pieces[VS_PIECE]) <= 1e-14 * fabs(value));
+      vs_begin_past(m, h->past + d, delay_of[d], value);
+    }
+    if (!moves) return SCENE_OK;
+    for (d = 0; d < INPUTS; ++d) signal[d] = m->now.input[d];
+    m->now = given;
+    for (d = 0; d < INPUTS; ++d) m->now.input[d] = signal[d];
+    status = vs_start(m, it, are_given, may_move);
+  }
+  return DELAYS > 0 ? status : vs_start(m, it, are_given, may_move);
 }
 
 VS_FUNCTION void vs_host_forget_step(vs_host* h) {
@@ -39,20 +198,30 @@ VS_FUNCTION scene_status vs_host_go(vs_host* h, double at) {
 VS_FUNCTION int vs_host_begin(vs_host* h, const vs_exchange* from) {
   scene_model* const m = &h->model;
   scene_series* const it = &m->series[1 - m->present];
-  int e, p;
+  int e, jumps, p;
   vs_take_over(m, from);
   for (p = 0; p < K; ++p) m->longest[p] = from->longest[p];
   for (p = 0; p < HOLDS; ++p) {
     m->now.mode[p] = from->hold[p].mode;
+    m->now.told[p] = vs_plain_mode(p, m->now.mode[p]);
     m->now.counts[p] = from->hold[p].counts;
     m->now.side[p] = from->hold[p].side;
     m->now.heat[p] = from->hold[p].heat;
   }
   for (e = 0; e < EVENTS; ++e) m->now.armed[e] = from->begin == 0 ? from->armed[e] : 0;
   vs_host_forget_step(h);
-  if (from->begin == 0) return m->status;
+  h->past = from->past;
+  if (from->begin == 0) {
+    m->status = vs_host_enter_past(h, &jumps);
+    if (HOLDS > 0 && vs_begin_here(m, vs_unit_of(1e-3))) {
+      while (vs_series(m)->order < vs_decides_by()) vs_extend(vs_series(m));
+      vs_tell_modes(m, vs_series(m));
+    }
+    m->is_begun = 0;
+    return m->status;
+  }
   m->has_moved = from->begin != 1;
-  m->status = vs_start(m, it, from->are_given, from->may_move);
+  m->status = vs_host_start(h, it, from->are_given, from->may_move);
   if (m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, it);
   return m->status;
 }
@@ -116,7 +285,7 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   scene_model* const m = &h->model;
   const long rejections = m->rejections;
   double rest;
-  int i;
+  int i, jumps = 0;
   if (!m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, &m->series[1 - m->present]);
   m->events = 0;
   m->status = vs_apply_events(m);
@@ -126,10 +295,12 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   if (m->status == SCENE_OK) m->status = vs_make_step(m, left, &h->made);
   h->taken = m->is_begun ? 1 - m->present : m->present;
   to->is_event = !m->is_begun;
-  if (m->status == SCENE_OK && EVENTS > 0) {
+  if (m->status == SCENE_OK && DELAYS > 0) m->status = vs_host_record(h);
+  if (m->status == SCENE_OK && (EVENTS > 0 || DELAYS > 0)) {
     m->present = 1 - h->taken; /* the other series is free */
-    m->status = vs_apply_events(m);
-    if (m->has_set) to->is_event = 1;
+    m->status = vs_host_enter_past(h, &jumps);
+    if (m->status == SCENE_OK) m->status = vs_apply_events(m);
+    if (jumps || m->has_set) to->is_event = 1;
   }
   rest = 0.0 * (m->now.time + m->now.time_rest);
   for (i = 0; i < S; ++i)
@@ -138,6 +309,7 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   to->rejections = m->rejections - rejections;
   to->passed = m->passed;
   if (m->status != SCENE_OK) {
+    to->stopped = m->now.time;
     m->now = h->before;
     vs_host_forget_step(h);
     return m->status;
@@ -163,10 +335,13 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
 /* The motion goes on from `at` s behind the start of the last step. */
 VS_FUNCTION int vs_host_cut(vs_host* h, double at) {
   scene_model* const m = &h->model;
+  int jumps;
   if (at < h->event && at < h->made) {
     const scene_state end = m->now;
     m->status = vs_host_go(h, at);
     if (m->status != SCENE_OK) m->now = end;
+    vs_host_trim(h);
+    if (m->status == SCENE_OK) m->status = vs_host_enter_past(h, &jumps);
   }
   vs_host_forget_step(h);
   return m->status;
@@ -226,7 +401,7 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
   }
   for (p = 0; p < HOLDS; ++p) {
     vs_seen_hold* const held = to->hold + p;
-    held->mode = vs_told_mode(it, p, m->now.mode[p], 1);
+    held->mode = m->now.told[p];
     held->counts = m->now.counts[p];
     held->side = m->now.side[p];
     held->multiplier = m->now.multiplier[CONSTRAINTS + p];
@@ -237,7 +412,10 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
     for (i = 0; i < S; ++i)
       to->on_shaft[S * p + i] = -vs_entry(it, CONSTRAINTS + p, i) * held->torque;
   }
-  for (i = 0; i < INPUTS; ++i) to->input[i] = m->now.input[i].start;
+  for (i = 0; i < INPUTS; ++i) {
+    vs_expand_input(&m->now.input[i], 1.0, 2, to->input + 3 * i);
+    to->input[3 * i + 2] *= 2.0;
+  }
   m->now = end;
   return status;
 }

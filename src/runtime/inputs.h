@@ -1,7 +1,25 @@
 /* Commanded inputs: a closed form between two events, age s after the last command. */
 
 enum { VS_ZERO_ORDER, VS_FIRST_ORDER_LAG, VS_RATE_LIMIT, VS_FIRST_ORDER_HOLD, VS_SECOND_ORDER_LAG };
-enum { VS_CONSTANT, VS_RAMP, VS_EXPONENTIAL, VS_CRITICAL };
+enum { VS_CONSTANT, VS_RAMP, VS_EXPONENTIAL, VS_CRITICAL, VS_DELAYED };
+
+/* A piece of the past of a delayed formula: its start, as a sum, its length and unit, s, the order
+ * of its polynomial in time / unit, and the coefficients. */
+enum { VS_START, VS_START_REST, VS_LENGTH, VS_UNIT, VS_LAST, VS_PIECE };
+
+/* The polynomial of a piece, from `age` s behind its start, in powers of time / unit. */
+VS_FUNCTION void vs_expand_piece(const double* piece, double age, double unit, int order,
+                                 double* u) {
+  const int last = (int)piece[VS_LAST];
+  const double theta = age / piece[VS_UNIT], ratio = unit / piece[VS_UNIT];
+  double c[VS_STRIDE], power = 1.0;
+  int i, n;
+  for (n = 0; n <= last; ++n) c[n] = piece[VS_PIECE + n];
+  for (i = 0; i < last && theta != 0.0; ++i) {
+    for (n = last - 1; n >= i; --n) c[n] += theta * c[n + 1];
+  }
+  for (n = 0; n <= order; ++n, power *= ratio) u[n] = n <= last ? c[n] * power : 0.0;
+}
 
 /* u up to `order`, in powers of time / unit: with x = age / tau,
        d^n/dx^n (a + b x) exp(-x) = (-1)^n (a + b x - n b) exp(-x) */
@@ -13,6 +31,10 @@ VS_FUNCTION void vs_expand_input(const scene_signal* s, double unit, int order, 
   const double decay = is_lag ? expm1(-x) : 0.0;
   double factor = is_lag ? 1.0 + decay : 0.0;
   int n;
+  if (s->form == VS_DELAYED) {
+    vs_expand_piece(s->piece, s->age, unit, order, u);
+    return;
+  }
   u[0] = s->start + a * decay + b * x * factor;
   for (n = 1; n <= order; ++n) {
     factor *= -unit * s->inverse_tau * (1.0 / n);

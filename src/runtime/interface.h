@@ -135,7 +135,7 @@ scene_status scene_read(scene_model* m, scene_sample* sample) {
     sample->multiplier[p] = it->row[MULTIPLIER + p][0];
   }
   for (i = 0; i < HOLDS; ++i) {
-    sample->mode[i] = vs_told_mode(it, i, m->now.mode[i], 1);
+    sample->mode[i] = m->now.told[i];
     sample->torque[i] = vs_transmits(m, it, i);
     sample->slip[i] = it->row[slip_row[i]][0];
     sample->reserve[i] = vs_reserve(m, it, i);

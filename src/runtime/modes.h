@@ -1,5 +1,10 @@
 /* The modes of elements that hold (conditions.h), which are decided together. */
 
+/* The order of the series by which modes are decided. */
+VS_FUNCTION_RARE int vs_decides_by(void) {
+  return 5 < SCENE_ORDER ? 5 : SCENE_ORDER;
+}
+
 /* Takes the rows of stuck elements into the algebra but those that others of it imply: the motion
  * is the same without them. False where the constraints themselves have lost rank. */
 VS_FUNCTION_RARE int vs_choose_rows(scene_model* m, scene_series* it) {
@@ -27,7 +32,6 @@ VS_FUNCTION_RARE int vs_choose_rows(scene_model* m, scene_series* it) {
  * transmit, and the first coefficients of all series. */
 VS_FUNCTION_RARE scene_status vs_take_sides(scene_model* m, scene_series* it,
                                             const scene_state* from) {
-  const int orders = 5 < SCENE_ORDER ? 5 : SCENE_ORDER;
   scene_status status;
   memcpy(m->now.velocity, from->velocity, sizeof from->velocity);
   memcpy(m->now.acceleration, from->acceleration, sizeof from->acceleration);
@@ -40,7 +44,7 @@ VS_FUNCTION_RARE scene_status vs_take_sides(scene_model* m, scene_series* it,
   if (status == SCENE_OK) status = vs_settle(m, it, VS_DECIDED, m->now.multiplier, 0, 0.0, 25);
   if (status != SCENE_OK) return status;
   if (!vs_begin(it, m->now.multiplier, 1)) return SCENE_SINGULAR;
-  while (it->order < orders) vs_extend(it);
+  while (it->order < vs_decides_by()) vs_extend(it);
   return SCENE_OK;
 }
 
@@ -187,8 +191,8 @@ VS_FUNCTION_RARE void vs_stick(scene_model* m, scene_series* it, const scene_sta
 
 /* Looks for modes in which all conditions hold: by exchanges of the first one that does not, which
  * ends for limits that do not depend on the mode (Murty's least index); else among all. */
-VS_FUNCTION_RARE scene_status vs_find_modes(scene_model* m, scene_series* it,
-                                            const scene_state* from) {
+VS_FUNCTION_RARE scene_status vs_search_modes(scene_model* m, scene_series* it,
+                                              const scene_state* from) {
   int first[MOST_HOLDS + 1], is_open[MOST_HOLDS + 1];
   int h, k, open = 0, round;
   for (h = 0; h < HOLDS; ++h) {
@@ -222,9 +226,30 @@ VS_FUNCTION_RARE scene_status vs_find_modes(scene_model* m, scene_series* it,
   return SCENE_NO_MODES;
 }
 
+/* The same. The sizes that tell rounding differ between modes: what one takes for 0 may be a reason
+ * against another, and none is left. Then it is taken for 0 by all. */
+VS_FUNCTION_RARE scene_status vs_find_modes(scene_model* m, scene_series* it,
+                                            const scene_state* from) {
+  scene_status status = SCENE_NO_MODES;
+  double slack;
+  for (slack = 0.0; slack < 100.0 && status == SCENE_NO_MODES; slack = 10.0 * slack + 9.0) {
+    m->series[0].slack = m->series[1].slack = slack;
+    m->now = *from;
+    vs_enter_state(m, it);
+    status = vs_search_modes(m, it, from);
+  }
+  return status;
+}
+
 /* The torque of element h at the state that was entered. */
 VS_FUNCTION_RARE double vs_transmits(const scene_model* m, const scene_series* it, int h) {
   return it->row[slide_row[h]][0] - m->now.multiplier[CONSTRAINTS + h];
+}
+
+/* An element that others hold at rest stays there until modes are decided again. */
+VS_FUNCTION_RARE void vs_tell_modes(scene_model* m, const scene_series* it) {
+  int h;
+  for (h = 0; h < HOLDS; ++h) m->now.told[h] = vs_told_mode(it, h, m->now.mode[h], it->order);
 }
 
 VS_FUNCTION_RARE void vs_note_events(scene_model* m, const scene_series* it, const int* before,
@@ -233,7 +258,7 @@ VS_FUNCTION_RARE void vs_note_events(scene_model* m, const scene_series* it, con
   for (h = 0; h < HOLDS; ++h) {
     scene_event* const event = &m->event_of[m->events % SCENE_MOST_EVENTS];
     event->from = before[h];
-    event->to = vs_told_mode(it, h, m->now.mode[h], it->order);
+    event->to = m->now.told[h];
     if (event->to == event->from && impulse[h] == 0.0) continue;
     event->time = m->now.time;
     event->element = h;
@@ -328,7 +353,7 @@ VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   for (i = 0; i < S; ++i) m->memory[i] = 0.0;
   vs_enter_inputs(m, it, 0);
   vs_enter_state(m, it);
-  for (i = 0; i < HOLDS; ++i) told[i] = vs_told_mode(it, i, m->now.mode[i], 1);
+  for (i = 0; i < HOLDS; ++i) told[i] = m->now.told[i];
   if (!IS_CLASSICAL && !is_start) vs_reaction(it, m->memory);
   for (i = 0; i < S && !IS_CLASSICAL; ++i) {
     for (p = 0; p < K && !is_start; ++p)
@@ -336,10 +361,10 @@ VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   }
   status = vs_collide(m, it, impulse);
   from = m->now;
-  vs_enter_state(m, it);
   if (status == SCENE_OK) status = vs_find_modes(m, it, &from);
   m->is_begun = 0;
   if (status != SCENE_OK) m->now = before;
+  if (status == SCENE_OK) vs_tell_modes(m, it);
   if (status == SCENE_OK && !is_start) vs_note_events(m, it, told, impulse);
   return status;
 }
@@ -348,7 +373,7 @@ VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
 VS_FUNCTION_RARE void vs_forget_modes(scene_model* m) {
   int i;
   for (i = 0; i < HOLDS; ++i) {
-    m->now.mode[i] = VS_FREE;
+    m->now.mode[i] = m->now.told[i] = VS_FREE;
     m->now.side[i] = 0.0;
     m->now.counts[i] = 0;
     m->now.heat[i] = 0.0;

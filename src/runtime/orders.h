@@ -277,6 +277,8 @@ VS_FUNCTION double vs_choose_length(const scene_series* it, double limit) {
   }
   if (STATES > 0)
     theta = seriesSmaller(theta, exp(vs_log_length(it, STATE, STATES, it->order + 1, kept)));
+  for (c = 0; c < DELAYS; ++c)
+    theta = seriesSmaller(theta, exp(vs_log_length(it, delayed_row[c], 1, it->order, kept)));
   for (halvings = 0; halvings < 60; ++halvings) {
     const double taken = seriesSmaller(theta, limit / it->unit);
     if (vs_is_resolved(it, taken)) break;

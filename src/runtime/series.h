@@ -11,6 +11,7 @@ typedef struct {
   int has_mobility;
   double inverse[SCENE_MATRIX]; /* of A, or of the whole system */
   int is_whole;
+  double slack;                                     /* see vs_noise */
   double distance;                                  /* see vs_invert */
   int is_in[SCENE_CONSTRAINTS + SCENE_HOLDS + 1];   /* 1: the constraint is in A */
   double size[SCENE_CONSTRAINTS + SCENE_HOLDS + 1]; /* C J^-1 D' of each constraint */

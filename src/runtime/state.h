@@ -2,6 +2,7 @@
 typedef struct {
   int form;
   double start, target, slope, inverse_tau, linear, age, end;
+  const double* piece; /* of the past, of a delayed formula */
 } scene_signal;
 
 /* All that the motion goes on from: a copy of it is a state to come back to. */
@@ -15,6 +16,7 @@ typedef struct {
   double reaction[SCENE_SHAFTS]; /* at the start */
   int mode[SCENE_HOLDS + 1];
   double side[SCENE_HOLDS + 1]; /* of formulas: 1, -1, 0; larger at a limit that others hold, too */
+  int told[SCENE_HOLDS + 1];    /* the modes that formulas read and samples show (vs_told_mode) */
   int counts[SCENE_HOLDS + 1];  /* 1: the row of an element that holds is independent of others */
   double heat[SCENE_HOLDS + 1];
   scene_signal input[SCENE_INPUTS + 1];

@@ -5,10 +5,10 @@
  * the form. */
 VS_FUNCTION void vs_end_inputs(scene_model* m) {
   int i;
-  (void)state_is_wanted; /* (Only hosts ask for it.) */
+  (void)state_is_wanted, (void)delay_input; /* (Only hosts ask for them.) */
   for (i = 0; i < INPUTS; ++i) {
     scene_signal* const s = &m->now.input[i];
-    if (s->age >= s->end) vs_hold_constant(s, s->target);
+    if (s->age >= s->end && s->form != VS_DELAYED) vs_hold_constant(s, s->target);
   }
 }
 
@@ -24,6 +24,7 @@ VS_FUNCTION double vs_limit(scene_model* m, double left) {
       limit = seriesSmaller(limit, timeout_of[i] - m->now.silence[i]);
     }
   }
+  for (i = 0; i < DELAYS; ++i) limit = seriesSmaller(limit, delay_of[i]);
   return seriesLarger(limit, 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time));
 }
 
@@ -252,6 +253,7 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
       m->passed = at.guard;
       ++m->steps;
       *made = h;
+      if (h > 1e-9 * seriesLarger(1.0, m->now.time)) m->series[0].slack = m->series[1].slack = 0.0;
       return TRANSMITS && !is_smooth ? vs_decide(m, 0) : SCENE_OK;
     }
     ++m->rejections;

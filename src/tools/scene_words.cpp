@@ -168,6 +168,7 @@ void nameOutputs(const Scene& scene, Register& free, Names& names) {
 std::string describeInput(const CommandInputSettings& input) {
   if (input.kind == InputKind::kState) return "state, which is integrated by its rate";
   if (input.kind == InputKind::kVariable) return "variable, constant between events";
+  if (input.kind == InputKind::kDelayed) return "delayed by " + formatNumber(input.delay) + " s";
   return "input, topic '" + input.topic + "', " + toString(input.hold);
 }
 

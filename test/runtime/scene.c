@@ -34,6 +34,7 @@ enum {
   STATE = 10,
   VARIABLES = 0,
   EVENTS = 0,
+  DELAYS = 0,
   FIRST_EVENT = 0,
   MOST_SIZE = SIZE,
   IS_CLASSICAL = 0,
@@ -102,7 +103,8 @@ static const int watched_row[] = {0}, side_row[] = {0}, mode_row[] = {0}, counts
                  slip_row[] = {0}, slide_row[] = {0}, upper_row[] = {0}, lower_row[] = {0},
                  level_row[] = {0}, gap_row[] = {0}, has_upper[] = {0}, has_lower[] = {0},
                  has_level[] = {0}, has_gap[] = {0}, slides_backward[] = {0}, begins_in[] = {0};
-static const double restitution[] = {0.0}, closes_below[] = {0.0};
+static const double restitution[] = {0.0}, closes_below[] = {0.0}, delay_of[] = {0.0};
+static const int delay_input[] = {0}, delayed_row[] = {0};
 #define VS_EACH_ORDER(X) \
   X(1) X(2) X(3) X(4) X(5) X(6) X(7) X(8) X(9) X(10) X(11) X(12) X(13) X(14) X(15) X(16) X(17) X(18)
 

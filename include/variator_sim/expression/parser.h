@@ -33,6 +33,9 @@ using SymbolTable = std::map<std::string, Node>;
 /// the parser suggests the nearest name.
 using NameExplainer = std::function<std::string(const std::string& name)>;
 
+/// Returns the node for delay(x, seconds), written as `text`. Throws ExpressionError or SceneError.
+using DelayMaker = std::function<Node(Node x, double seconds, const std::string& text)>;
+
 /// Returns the node of `graph` for `text`. Throws ExpressionError.
 ///
 /// From loosest to tightest: + -; * /; unary + -; ^. All are left-associative but ^: a^b^c is
@@ -42,10 +45,12 @@ using NameExplainer = std::function<std::string(const std::string& name)>;
 /// 1e-9 (2e1 is twenty: a product needs its *). White space has no meaning. A constant part without
 /// a finite value (log(-1)) and a division by a constant zero are errors. So is a function of one
 /// of the variables `linear`, a product of two, a power, a division by one: the formula must be
-/// linear in them as written. `used`, if not null, receives the symbols that occur.
+/// linear in them as written. delay(x, T) is what `delay` makes of it; T is a positive constant.
+/// `used`, if not null, receives the symbols that occur.
 Node parse(const std::string& text, const SymbolTable& symbols, Graph& graph,
            const NameExplainer& explain = {}, const SymbolTable& linear = {},
-           const NamedTables& tables = {}, std::set<std::string>* used = nullptr);
+           const NamedTables& tables = {}, std::set<std::string>* used = nullptr,
+           const DelayMaker& delay = {});
 
 /// The names of all functions, sorted.
 std::vector<std::string> functionNames();

@@ -1,0 +1,316 @@
+// delay(x, T) in formulas, against closed forms of the method of steps and values by SciPy.
+#include "emit_c/emit_c.h"
+#include "support/faults.h"
+#include "support/machine_code_folder.h"
+#include "support/played.h"
+#include "support/scenes.h"
+#include "variator_sim/errors.h"
+#include "variator_sim/io/yaml_text.h"
+#include "variator_sim/trim.h"
+
+namespace variator_sim {
+namespace {
+
+Simulation simulate(const std::string& yaml) {
+  return Simulation(test::sceneFromText(yaml));
+}
+
+double valueOf(Simulation& simulation, QuantityGroup group, std::size_t n) {
+  std::vector<double> values(simulation.quantityNames(group).size());
+  simulation.calcQuantities(group, values.data());
+  return values.at(n);
+}
+double outputOf(Simulation& simulation, std::size_t n = 0) {
+  return valueOf(simulation, QuantityGroup::kOutputs, n);
+}
+
+std::string torqueOn(const std::string& shaft, const std::string& formula) {
+  return "{type: variator_sim/ExpressionTorque, shaft: " + shaft + ", torque: \"" + formula +
+         "\"}\n";
+}
+
+const std::string kOneShaft = R"yaml(
+shafts: [a]
+a: {inertia: 1}
+torques: [law]
+)yaml";
+
+// x' = -x(t - 1), x = 1 before 0: x = sum_k (-1)^k (t - k + 1)^k / k!, k - 1 <= t
+TEST(Delay, OfTheSpeedFollowsTheMethodOfSteps) {
+  for (const char* principle : {"gauss", "generalized_gauss"}) {
+    Simulation simulation = simulate(kOneShaft + "law: " + torqueOn("a", "-delay(w_a, 1)") +
+                                     "initial: {velocity: [1]}\nprinciple: " + principle + "\n");
+    for (int n = 1; n <= 24; ++n) {
+      const double t = 0.37 * n;
+      double x = 0.0;
+      double factorial = 1.0;
+      for (int k = 0; k - 1 <= t; ++k) {
+        factorial *= k > 0 ? -k : 1.0;
+        x += std::pow(t - k + 1.0, k) / factorial;
+      }
+      ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
+      EXPECT_NEAR(simulation.sample().velocity[0], x, 1e-13) << t;
+    }
+    EXPECT_LT(simulation.statistics().steps, 20U);
+  }
+}
+
+// 2 w' = u - 0.2 w, u = 1.5 e + I, I' = 0.8 e, e = 10 - w(t - 0.3): solve_ivp of SciPy, piece by
+// piece
+TEST(Delay, OfAControllersSpeedIsTheReference) {
+  Simulation simulation = simulate(R"yaml(
+shafts: [a]
+a: {inertia: 2}
+states: [controller]
+controller: {type: pid, error: "10 - delay(w_a, pause)", kp: 1.5, ki: 0.8, parameters: {pause: 0.3}}
+torques: [law]
+law: )yaml" + torqueOn("a", "controller - 0.2*w_a"));
+  const double reference[][3] = {{0.5, 4.03052547702485, 3.8765505975637855},
+                                 {1.0, 7.46087367005025, 6.43611541934611},
+                                 {2.0, 11.410569237979775, 7.730076693215446},
+                                 {5.0, 11.270661592587235, 2.847326504574301},
+                                 {12.0, 9.976046878460762, 2.0143360437880653}};
+  for (const auto& [t, w, I] : reference) {
+    ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
+    EXPECT_NEAR(simulation.sample().velocity[0], w, 1e-9);
+    EXPECT_NEAR(valueOf(simulation, QuantityGroup::kStates, 0), I, 1e-9);
+  }
+}
+
+// Mackey and Glass, Science 197 (1977) 287-289; by SciPy as above
+TEST(Delay, InANonlinearLawIsTheReference) {
+  Simulation simulation =
+      simulate(kOneShaft + "law: " + torqueOn("a", "2*delay(w_a, 2)/(1 + delay(w_a, 2)^10) - w_a") +
+               "initial: {velocity: [0.5]}\n");
+  EXPECT_EQ(simulation.scene().inputCount(), 1) << "one past serves both";
+  const double reference[][2] = {{1.0, 0.8154435764300556},
+                                 {3.0, 1.1928994584568073},
+                                 {7.0, 0.5315725346824584},
+                                 {13.0, 0.5867642758121955},
+                                 {20.0, 1.0337720877750292}};
+  for (const auto& [t, w] : reference) {
+    ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
+    EXPECT_NEAR(simulation.sample().velocity[0], w, 1e-8) << t;
+  }
+}
+
+// w' = -w + u(t - 0.5), u: 1, 3 from 0.8 on, -2 from 0.9 on
+TEST(Delay, OfAnInputPassesItsStepsOn) {
+  Simulation simulation =
+      simulate(kOneShaft + "law: " + torqueOn("a", "delay(u, 0.5) - w_a") + R"yaml(
+inputs: [u]
+u: {topic: u, hold: zero_order, initial: 1}
+outputs: [then, later]
+then: {expression: "delay(u, 0.5)"}
+later: {expression: "delay(delay(w_a, 0.25), 0.5)"}
+)yaml");
+  const auto speedAt = [](double t) {
+    double w = 1.0 - std::exp(-std::max(t, 0.0));
+    if (t > 1.3) w += 2.0 * (1.0 - std::exp(1.3 - t));
+    if (t > 1.4) w -= 5.0 * (1.0 - std::exp(1.4 - t));
+    return w;
+  };
+  for (int n = 1; n <= 60; ++n) {
+    const double t = 0.05 * n;
+    ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
+    if (n == 16) simulation.command(0, 3.0);
+    if (n == 18) simulation.command(0, -2.0);
+    EXPECT_NEAR(simulation.sample().velocity[0], speedAt(t), 1e-9) << t;
+    EXPECT_NEAR(outputOf(simulation, 1), speedAt(t - 0.75), 1e-9) << t;
+    if (n == 26 || n == 28) continue;  // at the steps themselves
+    EXPECT_EQ(outputOf(simulation), n < 26 ? 1.0 : n < 28 ? 3.0 : -2.0) << t;
+  }
+}
+
+// w_a' = -4, w_b' = 4 until they are both 4 at 1; J w_c' = (w_a - w_b)(t - 0.25)
+TEST(Delay, AcrossAClutchThatLocksKeepsItsKink) {
+  Simulation simulation = simulate(R"yaml(
+shafts: [a, b, c]
+a: {inertia: 1}
+b: {inertia: 1}
+c: {inertia: 1}
+torques: [clutch, law]
+clutch: {type: variator_sim/Clutch, shafts: [a, b], capacity: 4}
+law: )yaml" + torqueOn("c", "delay(w_a - w_b, 0.25)") +
+                                   R"yaml(
+outputs: [torque]
+torque: {expression: "delay(clutch_torque, 0.25)"}
+initial: {velocity: [8, 0, 0]}
+)yaml");
+  for (int n = 1; n <= 40; ++n) {
+    const double t = 0.05 * n;
+    const double s = std::min(std::max(t - 0.25, 0.0), 1.0);
+    const double w = 8.0 * (std::min(t, 0.25) + s) - 4.0 * s * s;
+    ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
+    EXPECT_NEAR(simulation.sample().velocity[2], w, 1e-12) << t;
+    if (n == 25) continue;  // the instant itself
+    EXPECT_NEAR(outputOf(simulation), n < 25 ? -4.0 : 0.0, 1e-12) << t;
+  }
+}
+
+// 0.2 w_b' + w_b = w_a(t - 0.5) + u(t - 0.3), w_a = t: u steps by 2 at 0.4
+TEST(Delay, InAConstraintOfOrderTwoMovesTheAccelerations) {
+  for (const char* principle : {"gauss", "generalized_gauss"}) {
+    Simulation simulation = simulate(std::string(R"yaml(
+shafts: [a, b]
+a: {inertia: 1}
+b: {inertia: 3}
+inputs: [u]
+u: {topic: u, hold: zero_order}
+torques: [law]
+constraints: [lag]
+lag: {type: variator_sim/ExpressionConstraint, order: 2,
+  expression: "0.2*e_b + w_b - delay(w_a, 0.5) - delay(u, 0.3)"}
+law: )yaml") + torqueOn("a", "1") +
+                                     "principle: " + principle + "\n");
+    for (int n = 1; n <= 40; ++n) {
+      const double t = 0.05 * n;
+      const double s = std::max(t - 0.5, 0.0);
+      const double r = std::max(t - 0.7, 0.0);
+      const double w = s - 0.2 * (1.0 - std::exp(-s / 0.2)) + 2.0 * (1.0 - std::exp(-r / 0.2));
+      ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
+      if (n == 8) simulation.command(0, 2.0);
+      EXPECT_NEAR(simulation.sample().velocity[1], w, 1e-8) << principle << t;
+      if (n == 14) continue;  // the step itself
+      EXPECT_NEAR(simulation.sample().acceleration[1], (s + (n > 14 ? 2.0 : 0.0) - w) / 0.2, 1e-7)
+          << principle << t;
+    }
+  }
+}
+
+// w = t; the event sees w(t - 0.5) = 1 at 1.5 and adds 2 to a variable, whose delay by 0.25 the
+// output tells
+TEST(Delay, SetsOffEventsAndDelaysWhatTheySet) {
+  Simulation simulation = simulate(kOneShaft + "law: " + torqueOn("a", "1") + R"yaml(
+variables: [gear]
+gear: {initial: 1}
+events: [up]
+up: {when: "delay(w_a, 0.5) - 1", direction: rising, set: {gear: "gear + 2"}}
+outputs: [gear_then]
+gear_then: {expression: "delay(gear, 0.25)"}
+)yaml");
+  ASSERT_TRUE(simulation.advanceTo(1.49).ok());
+  EXPECT_EQ(valueOf(simulation, QuantityGroup::kVariables, 0), 1.0);
+  ASSERT_TRUE(simulation.advanceTo(1.51).ok());
+  EXPECT_EQ(valueOf(simulation, QuantityGroup::kVariables, 0), 3.0);
+  ASSERT_TRUE(simulation.advanceTo(1.74).ok());
+  EXPECT_EQ(outputOf(simulation), 1.0);
+  ASSERT_TRUE(simulation.advanceTo(1.76).ok());
+  EXPECT_EQ(outputOf(simulation), 3.0);
+}
+
+// At the start the delayed value is that of the projected velocity.
+TEST(Delay, BeginsWithTheValueOfTheFirstState) {
+  Simulation simulation = simulate(R"yaml(
+shafts: [a, b]
+a: {inertia: 1}
+b: {inertia: 1}
+torques: [law]
+constraints: [gear]
+gear: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: 2}
+outputs: [then]
+then: {expression: "delay(w_b, 3)"}
+initial: {velocity: [5, 0], project: true}
+law: )yaml" + torqueOn("a", "-delay(w_b, 3)"));
+  const double first = simulation.sample().velocity[1];
+  EXPECT_GT(std::abs(first), 1.0);
+  EXPECT_EQ(outputOf(simulation), first);
+  ASSERT_TRUE(simulation.advanceTo(2.0).ok());
+  EXPECT_EQ(outputOf(simulation), first);
+  EXPECT_EQ(simulation.sample().applied_torque[0], -first);
+}
+
+const std::string kClutch = R"yaml(
+shafts: [a, b]
+a: {inertia: 1}
+b: {inertia: 2}
+inputs: [u]
+u: {topic: u, hold: first_order_lag, time_constant: 0.1}
+torques: [drive, clutch, drag]
+drive: {type: variator_sim/ExpressionTorque, shaft: a,
+  torque: "20*(1 - 0.05*delay(w_b, 0.3)) - 2*delay(slip, 0.2) + delay(u, 0.15)"}
+clutch: {type: variator_sim/Clutch, shafts: [a, b], capacity: "8 + 2*sin(delay(phi_b, 0.1))"}
+drag: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-0.1*w_b"}
+states: [slip]
+slip: {rate: "delay(w_a - w_b, 0.7) - slip"}
+initial: {velocity: [10, 0]}
+)yaml";
+
+TEST(Delay, SavedWithItsPastGoesOnToTheBit) {
+  Simulation saved = simulate(kClutch);
+  ASSERT_TRUE(saved.advanceTo(3.3).ok()) << saved.describeStatus();
+  MotionState state;
+  ASSERT_TRUE(saved.saveState(&state));
+  Simulation restored = simulate(kClutch);
+  const MotionState read = readMotionState(
+      readYamlText(toYaml(toTree(state, saved.scene())), "state"), saved.scene(), state);
+  ASSERT_EQ(restored.setState(read, false), "");
+  for (int n = 0; n < 30; ++n) {
+    for (Simulation* it : {&saved, &restored}) {
+      if (n == 7) it->command(0, 5.0);
+      ASSERT_TRUE(it->advanceTo(3.3 + 0.1 * n).ok());
+    }
+    for (int i = 0; i < 2; ++i) {
+      EXPECT_EQ(saved.sample().velocity[i], restored.sample().velocity[i]) << n;
+      EXPECT_EQ(saved.sample().acceleration[i], restored.sample().acceleration[i]) << n;
+    }
+  }
+  state.history.past.pop_back();
+  EXPECT_NE(restored.setState(state, false), "") << "a past is missing";
+  EXPECT_TRUE(restored.advanceTo(7.0).ok()) << restored.describeStatus();
+}
+
+class DelayByMachineCode : public test::MachineCodeFolder {};
+
+TEST_F(DelayByMachineCode, IsTheInterpretersToTheBit) {
+  const std::string interpreted = test::play(test::sceneFromText(kClutch), -1);
+  EXPECT_EQ(interpreted, test::play(test::sceneFromText(kClutch), 0));
+  EXPECT_EQ(interpreted, test::play(test::sceneFromText(kClutch), 17));
+}
+
+// Each end of a step ends others a delay later, and two delays multiply them: pieces that go on
+// into the next one keep steps from becoming ever shorter.
+TEST(Delay, OfSeveralTimesKeepsTheLengthOfSteps) {
+  Simulation simulation = simulate(
+      kOneShaft + "law: " + torqueOn("a", "sin(3*t) - delay(w_a, 0.5) - 0.5*delay(phi_a, 0.7071)"));
+  ASSERT_TRUE(simulation.advanceTo(50.0).ok()) << simulation.describeStatus();
+  const std::uint64_t first = simulation.statistics().steps;
+  ASSERT_TRUE(simulation.advanceTo(500.0).ok()) << simulation.describeStatus();
+  EXPECT_LT(simulation.statistics().steps, 12U * first);
+}
+
+TEST(Delay, WhosePastIsTooLongStopsByName) {
+  Simulation simulation =
+      simulate(kOneShaft + "law: " + torqueOn("a", "-1e6*phi_a + 0*delay(w_a, 1000)") +
+               "initial: {velocity: [1]}\n");
+  EXPECT_FALSE(simulation.advanceTo(500.0).ok());
+  for (const char* words : {"the past of 'delay(w_a, 1000)'", "16384", "shorter delay"})
+    EXPECT_NE(simulation.describeStatus().find(words), std::string::npos)
+        << simulation.describeStatus();
+}
+
+TEST(Delay, IsRefusedByNameWhereThereIsNoPast) {
+  const std::string yaml = kOneShaft + "law: " + torqueOn("a", "-delay(w_a, 1)");
+  const auto expectFault = [](const auto& run) {
+    try {
+      run();
+      ADD_FAILURE() << "not refused";
+    } catch (const SceneError& error) {
+      EXPECT_EQ(error.keyPath(), "law");
+      EXPECT_NE(std::string(error.what()).find("'delay(w_a, 1)'"), std::string::npos)
+          << error.what();
+    }
+  };
+  Simulation simulation = simulate(yaml);
+  expectFault([&] { (void)emitScene(simulation, "scene", "scene"); });
+  expectFault([&] { (void)trim(simulation.scene(), {}); });
+  try {
+    simulate(yaml + "solver: {stepper: rk4, step: 0.01}\n");
+    ADD_FAILURE() << "not refused";
+  } catch (const SceneError& error) {
+    EXPECT_EQ(error.keyPath(), "solver/stepper") << error.what();
+  }
+}
+
+}  // namespace
+}  // namespace variator_sim
