@@ -95,7 +95,7 @@ VS_FUNCTION int vs_host_is_still(const vs_host* h) {
   const double theta = h->made / it->unit;
   int c, n;
   for (c = 0; c < 2 * S + STATES; ++c) {
-    const double* const x = it->row[c < 2 * S ? ANGLE + c : STATE + c - 2 * S];
+    const Real* const x = it->row[c < 2 * S ? ANGLE + c : STATE + c - 2 * S];
     double power = theta, sum = 0.0;
     if (c >= 2 * S && !state_is_wanted[c - 2 * S]) continue;
     for (n = 1; n <= it->order; ++n, power *= theta) sum += fabs(x[n]) * power;
@@ -253,8 +253,8 @@ VS_FUNCTION double vs_host_work(const vs_host* h, double at, double* through) {
   int i, n;
   *through = 0.0;
   for (i = 0; i < S; ++i) {
-    const double* const Q = it->row[torque_row[i]];
-    const double* const omega = it->row[VELOCITY + i];
+    const Real* const Q = it->row[torque_row[i]];
+    const Real* const omega = it->row[VELOCITY + i];
     double power = it->unit * tau, own = 0.0;
     for (n = 0; n <= 2 * last; ++n, power *= tau) {
       const int first = n > last ? n - last : 0;

@@ -133,7 +133,7 @@ VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, dou
   int i, is_kink;
   if (at->guard >= 0) vs_bracket(m, next, &before, at, theta, &unused, &unused);
   m->now = before;
-  vs_go(m, *theta);
+  vs_go(m, VS_INSTANT(m, at, *theta));
   expected = m->now;
   status = vs_arrive(m, next, vs_unit_of(seriesLarger(*theta * it->unit, 0.25 * m->usual)));
   if (status != SCENE_OK) return status;
