@@ -33,12 +33,14 @@ using Real = double;
 #undef VS_INSTANT
 #undef VS_PLAIN
 #undef VS_CONVERGED
+#undef VS_CONVERGES_LATE
 #define SCENE_REAL Real
 #define VS_IS_SAME(a, b) isSame(a, b)
 #define VS_SET_VALUE(x, to) (x).value = static_cast<double>(to)
 #define VS_INSTANT(m, at, theta) instantOf(m, at, theta)
 #define VS_PLAIN(array, count) plain(array, count)
 #define VS_CONVERGED 1e-13
+#define VS_CONVERGES_LATE IS_CURVED  // multipliers follow the accelerations
 #define VS_RANGES ranges_.data()
 #define VS_CONSTANT(instruction) constants_[rows_.placeOf(instruction)]
 #define VS_FACTOR(term) constants_[at(static_cast<int>(&(term) - rows_.terms().data()))]
@@ -62,6 +64,12 @@ namespace tangents_of_one {
 namespace tangents_of_four {
 #include "motion_program/tangent_interpreter.inc"
 }  // namespace tangents_of_four
+
+VARIATOR_SIM_BEGIN_FUSED
+namespace tangents_of_four_fused {
+#include "motion_program/tangent_interpreter.inc"
+}  // namespace tangents_of_four_fused
+VARIATOR_SIM_END_FUSED
 #undef VS_TANGENTS
 
 std::unique_ptr<TangentMotion> hostTangents(const MotionProgram& program,
@@ -69,6 +77,8 @@ std::unique_ptr<TangentMotion> hostTangents(const MotionProgram& program,
                                             const std::vector<int>& shown) {
   if (numbers.slopes.size() <= 1)
     return std::make_unique<tangents_of_one::Interpreter>(program, numbers, shown);
+  if (expression::fusesProducts())
+    return std::make_unique<tangents_of_four_fused::Interpreter>(program, numbers, shown);
   return std::make_unique<tangents_of_four::Interpreter>(program, numbers, shown);
 }
 

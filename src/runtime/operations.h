@@ -47,6 +47,7 @@ typedef double Real;
 #define VS_INSTANT(m, at, theta) ((void)(at), (theta))
 #define VS_PLAIN(array, count) (array)
 #define VS_CONVERGED 1e-8
+#define VS_CONVERGES_LATE 0
 #endif
 typedef Real vs_row[VS_STRIDE];
 enum { VS_KEPT = VS_STRIDE - 1 };
@@ -103,6 +104,7 @@ VS_INLINE Real vs_fuse(Real a, Real b, Real c) {
 #endif
 
 /* sum_{k=from..to} a_k b_{n-k} */
+#ifndef VS_TANGENTS
 VS_INLINE Real vs_total(const Real* a, const Real* b, int n, int from, int to) {
   Real sum = vs_zero;
   int k = from;
@@ -128,6 +130,7 @@ VS_INLINE Real vs_total(const Real* a, const Real* b, int n, int from, int to) {
   for (; k <= to; ++k) sum = vs_fuse(a[k], b[n - k], sum);
   return sum;
 }
+#endif
 
 /* sum_{k<count} a_k b_k */
 VS_INLINE Real vs_dot(const Real* a, const Real* b, int count) {

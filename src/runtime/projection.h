@@ -5,6 +5,7 @@ VS_FUNCTION int vs_has_converged(const Real* values, const Real* change, double*
   double size = 0.0;
   double length = 0.0;
   int i, ends;
+  if (*previous < 0.0) return 1; /* the round that derivatives took beyond */
   for (i = 0; i < S; ++i) {
     size = seriesLarger(size, fabs(change[i]));
     length = seriesLarger(length, fabs(values[i]));
@@ -13,8 +14,8 @@ VS_FUNCTION int vs_has_converged(const Real* values, const Real* change, double*
   ends = size <= VS_CONVERGED * length || size == 0.0;
   /* Rounding keeps corrections to tiny values from shrinking. */
   ends = ends || (size >= 0.5 * *previous && size <= 1e-12 * (length + 1.0));
-  *previous = size;
-  return ends;
+  *previous = ends && VS_CONVERGES_LATE ? -1.0 : size;
+  return ends && !VS_CONVERGES_LATE;
 }
 
 /* Moves the velocities onto f = 0 of the constraints of order 1: x = -J^-1 C' (C J^-1 C')^-1 f. */
