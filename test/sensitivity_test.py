@@ -135,19 +135,21 @@ class SensitivityTest(SimulateTestCase):
             self.check(scene, ["tab/values/2", "tab/x/2", "m/parameters/k"], 5.0)
 
     def test_closed_form(self):
-        """J w' = u - c w: w(t) = u/c + (w0 - u/c) exp(-c t / J)."""
-        J, c, u, w0 = 2.0, 0.7, 1.0, 3.0
-        scene = {"shafts": ["a"], "a": {"inertia": J}, "torques": ["m", "d"],
+        """J w' = u + v - c w with commands u and v at 0: w(t) = F/c + (w0 - F/c) exp(-c t / J), F = u + v."""
+        J, c, u, v, w0 = 2.0, 0.7, 0.4, 0.6, 3.0
+        scene = {"shafts": ["a"], "a": {"inertia": J}, "torques": ["m", "n", "d"],
                  "m": {"type": "variator_sim/CommandedTorque", "shaft": "a", "topic": "u", "hold": "zero_order"},
+                 "n": {"type": "variator_sim/CommandedTorque", "shaft": "a", "topic": "v", "hold": "zero_order"},
                  "d": {"type": "variator_sim/ExpressionTorque", "shaft": "a", "torque": "-c*w1", "parameters": {"c": c}},
                  "initial": {"velocity": [w0]}, "solver": {"relative_tolerance": 1e-11, "absolute_tolerance": 1e-11}}
-        paths = ["a/inertia", "d/parameters/c", "u@0", "initial/velocity/0"]
-        run = variator_sim.simulate(scene, 3.0, rate=10, commands=[(0, "u", u)], gradient=paths)
+        paths = ["a/inertia", "d/parameters/c", "u@0", "v@0", "initial/velocity/0"]
+        run = variator_sim.simulate(scene, 3.0, rate=10, commands=[(0, "u", u), (0, "v", v)], gradient=paths)
         t = run.time
         decay = np.exp(-c * t / J)
+        u += v
         expected = {"a/inertia": (w0 - u / c) * decay * c * t / J ** 2,
                     "d/parameters/c": -u / c ** 2 * (1 - decay) - (w0 - u / c) * decay * t / J,
-                    "u@0": (1 - decay) / c, "initial/velocity/0": decay}
+                    "u@0": (1 - decay) / c, "v@0": (1 - decay) / c, "initial/velocity/0": decay}
         for path, values in expected.items():
             np.testing.assert_allclose(run[f"d(a/velocity)/d({path})"], values, atol=1e-11)
 
@@ -160,6 +162,18 @@ class SensitivityTest(SimulateTestCase):
         self.assertAlmostEqual(run["d(a/velocity)/d(u@1.0)"][0], 1.0, 12)
         self.assertAlmostEqual(run["d(a/velocity)/d(u@2.0)"][0], 1.0, 12)
         self.assertAlmostEqual(run["d(a/angle)/d(u@1.0)"][0], 1.5, 12)
+
+    def test_lag_at_rest(self):
+        """An input at rest whose derivative moves: J w' = u, u a critical lag of the command, which changes nothing:
+        dw(t) = ((t - 1) - 2 tau + exp(-x) ((t - 1) + 2 tau)) / J, x = (t - 1)/tau."""
+        tau, J = 0.1, 2.0
+        scene = {"shafts": ["a"], "a": {"inertia": J}, "torques": ["m"], "m": {
+            "type": "variator_sim/CommandedTorque", "shaft": "a", "topic": "u", "hold": "second_order_lag",
+            "time_constant": tau, "initial": 1.0}}
+        run = variator_sim.simulate(scene, 5.0, rate=3, commands=[(1.0, "u", 1.0)], gradient=["u@1.0"])
+        after = np.maximum(run.time - 1.0, 0.0)
+        expected = (after - 2 * tau + np.exp(-after / tau) * (after + 2 * tau)) / J
+        np.testing.assert_allclose(run["d(a/velocity)/d(u@1.0)"], expected, atol=1e-9)
 
     def test_command_line(self):
         scene = self.write("scene.yaml", "shafts: [a]\na: {inertia: \"2 kg m^2\"}\ntorques: [m]\nm: {type: "

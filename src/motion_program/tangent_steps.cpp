@@ -34,6 +34,8 @@ using Real = double;
 #undef VS_PLAIN
 #undef VS_CONVERGED
 #undef VS_CONVERGES_LATE
+#undef VS_JUDGED
+#undef VS_MAY_END_EARLY
 #define SCENE_REAL Real
 #define VS_IS_SAME(a, b) isSame(a, b)
 #define VS_SET_VALUE(x, to) (x).value = static_cast<double>(to)
@@ -41,6 +43,8 @@ using Real = double;
 #define VS_PLAIN(array, count) plain(array, count)
 #define VS_CONVERGED 1e-13
 #define VS_CONVERGES_LATE IS_CURVED  // multipliers follow the accelerations
+#define VS_JUDGED(x, n, part, allowed) judge(x, n, part, allowed)
+#define VS_MAY_END_EARLY 0
 #define VS_RANGES ranges_.data()
 #define VS_CONSTANT(instruction) constants_[rows_.placeOf(instruction)]
 #define VS_FACTOR(term) constants_[at(static_cast<int>(&(term) - rows_.terms().data()))]

@@ -48,6 +48,8 @@ typedef double Real;
 #define VS_PLAIN(array, count) (array)
 #define VS_CONVERGED 1e-8
 #define VS_CONVERGES_LATE 0
+#define VS_JUDGED(x, n, part, allowed) (fabs((x)[n]) * (allowed))
+#define VS_MAY_END_EARLY 1
 #endif
 typedef Real vs_row[VS_STRIDE];
 enum { VS_KEPT = VS_STRIDE - 1 };

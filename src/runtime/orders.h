@@ -253,8 +253,8 @@ VS_FUNCTION_INLINE double vs_log_length(const scene_series* it, int first, int c
   for (c = first; c < first + count; ++c) {
     const Real* const x = it->row[c];
     const double allowed = part / vs_tolerance(it, x[0]);
-    last = seriesLarger(last, fabs(x[n]) * allowed);
-    before = seriesLarger(before, fabs(x[n - 1]) * allowed);
+    last = seriesLarger(last, VS_JUDGED(x, n, part, allowed));
+    before = seriesLarger(before, VS_JUDGED(x, n - 1, part, allowed));
   }
   return seriesSmaller(-log(last) / n, -log(before * decay) / (n - 1));
 }
@@ -289,7 +289,7 @@ VS_FUNCTION double vs_choose_length(const scene_series* it, double limit) {
 VS_FUNCTION scene_status vs_expand(scene_model* m, double limit) {
   scene_series* const it = vs_series(m);
   double unit = m->usual > 0.0 ? seriesSmaller(m->usual, limit) : limit;
-  const int is_short = limit < 0.5 * m->usual;
+  const int is_short = VS_MAY_END_EARLY && limit < 0.5 * m->usual;
   int trial, i;
   for (trial = 0; trial < 12; ++trial, unit *= 1.0 / 64.0) {
     int small = 0, is_resolved = 0;
