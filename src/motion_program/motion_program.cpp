@@ -381,9 +381,8 @@ std::vector<double> MotionProgram::numbers() const {
     add(it.pieces);
   }
   for (const std::vector<double>& it : passages) add(it);
-  for (const MotionList<double>* it :
-       {&coupling, &constant_value, &restitution, &closes_below, &parameter_of, &initial_input,
-        &minimum_of, &maximum_of}) {
+  for (const MotionList<double>* it : {&coupling, &constant_value, &restitution, &closes_below,
+                                       &parameter_of, &initial_input, &minimum_of, &maximum_of}) {
     add(it->values);
   }
   return made;

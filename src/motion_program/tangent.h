@@ -106,11 +106,11 @@ struct Tangent {
   friend Tangent fmin(const Tangent& a, const Tangent& b) { return b.value < a.value ? b : a; }
   friend double fmax(double a, const Tangent& b) { return std::fmax(a, b.value); }
 
-#define VARIATOR_SIM_FUNCTION(name, derivative)    \
-  friend Tangent name(const Tangent& a) {          \
-    const double x = a.value, y = std::name(x);    \
-    (void)x;                                       \
-    return make(y, derivative, a);                 \
+#define VARIATOR_SIM_FUNCTION(name, derivative) \
+  friend Tangent name(const Tangent& a) {       \
+    const double x = a.value, y = std::name(x); \
+    (void)x;                                    \
+    return make(y, derivative, a);              \
   }
   VARIATOR_SIM_FUNCTION(exp, y)
   VARIATOR_SIM_FUNCTION(expm1, y + 1.0)

@@ -47,7 +47,7 @@ using Real = double;
 #define VS_MAY_END_EARLY 0
 #define VS_RANGES ranges_.data()
 #define VS_CONSTANT(instruction) constants_[rows_.placeOf(instruction)]
-#define VS_FACTOR(term) constants_[at(static_cast<int>(&(term) - rows_.terms().data()))]
+#define VS_FACTOR(term) constants_[at(static_cast<int>(&(term)-rows_.terms().data()))]
 
 template <int P>
 bool isSame(const Tangent<P>& a, const Tangent<P>& b) {

@@ -19,8 +19,8 @@ struct TangentNumbers {
 };
 
 /// Steps a motion freely ahead of its current time and shows any instant inside the last step.
-/// Quantities: of each shaft angle, velocity, acceleration, applied torque, reaction torque; of each
-/// constraint the multiplier; states; formulas that the program shows.
+/// Quantities: of each shaft angle, velocity, acceleration, applied torque, reaction torque; of
+/// each constraint the multiplier; states; formulas that the program shows.
 class TangentMotion {
  public:
   virtual ~TangentMotion() = default;

@@ -38,7 +38,8 @@ VS_FUNCTION void vs_meet_end(const scene_model* m, const scene_series* it, vs_ev
     for (k = 0; k < VS_CONDITIONS; ++k) {
       double theta;
       if (!vs_condition(m, it, h, k, c)) continue;
-      theta = vs_first_sign(c, it->order) < 0.0 ? 0.0 : (double)vs_first_root(c, it->order, found->theta);
+      theta = vs_first_sign(c, it->order) < 0.0 ? 0.0
+                                                : (double)vs_first_root(c, it->order, found->theta);
       if (theta > found->theta || (found->element >= 0 && theta == found->theta)) continue;
       found->theta = theta;
       found->element = h;
@@ -222,8 +223,7 @@ typedef struct {
 
 /* The state at theta behind `base`, with all formulas in `it`. */
 VS_FUNCTION void vs_look_from(scene_model* m, scene_series* it, const scene_state* base,
-                              const vs_event* at, double theta,
-                              vs_law_values* found) {
+                              const vs_event* at, double theta, vs_law_values* found) {
   int i;
   m->now = *base;
   vs_go(m, VS_INSTANT(m, at, theta));

@@ -15,11 +15,11 @@ typedef struct {
 
 typedef struct {
   /* In, at a beginning; out, the end of the step */
-  SCENE_REAL time, time_rest;     /* s; the sum counts */
-  SCENE_REAL* state;              /* angles, velocities, accelerations: 3 S */
-  SCENE_REAL* multiplier;         /* of gauss: where the iteration begins; K */
-  SCENE_REAL* reaction;           /* at the start, S (of J(phi): R / sqrt(J)) */
-  SCENE_REAL* longest;            /* that C J^-1 C' has been, K */
+  SCENE_REAL time, time_rest; /* s; the sum counts */
+  SCENE_REAL* state;          /* angles, velocities, accelerations: 3 S */
+  SCENE_REAL* multiplier;     /* of gauss: where the iteration begins; K */
+  SCENE_REAL* reaction;       /* at the start, S (of J(phi): R / sqrt(J)) */
+  SCENE_REAL* longest;        /* that C J^-1 C' has been, K */
   vs_exchanged_signal* input; /* INPUTS */
   vs_exchanged_hold* hold;    /* HOLDS */
   double usual;               /* the length that the next step may have, s; 0: unknown */
@@ -44,9 +44,9 @@ typedef struct {
 /* The series of a step. */
 typedef struct {
   const SCENE_REAL** rows; /* coefficients of angles, velocities, accelerations, torques; 4 S */
-  int last;            /* the order of the accelerations' */
-  double unit;         /* s */
-  double length;       /* s: that a step may have */
+  int last;                /* the order of the accelerations' */
+  double unit;             /* s */
+  double length;           /* s: that a step may have */
 } vs_shown;
 
 /* An element that holds, at an instant (scene_sample). */
@@ -61,9 +61,9 @@ typedef struct {
   SCENE_REAL *reaction, *reaction_rate, *covariant_rate; /* R, R', G; S */
   SCENE_REAL *residual, *multiplier;                     /* K */
   SCENE_REAL kinetic;                                    /* J */
-  vs_seen_hold* hold;                                /* of elements that hold, HOLDS */
+  vs_seen_hold* hold;                                    /* of elements that hold, HOLDS */
   SCENE_REAL* on_shaft;                                  /* N m, of each on each shaft: HOLDS S */
-  SCENE_REAL* input;                                     /* of states and variables the value; INPUTS */
+  SCENE_REAL* input; /* of states and variables the value; INPUTS */
 } vs_seen;
 
 /* The constants of a program whose text has none: machine code that scenes share. */

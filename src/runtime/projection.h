@@ -181,8 +181,8 @@ VS_FUNCTION int vs_jump_rate(scene_model* m, scene_series* it, double theta, con
  * Runge-Kutta formulae, J. Comp. Appl. Math. 6 (1980) 19-26; its error in a tenth of the tolerance.
  * False where C has lost rank. */
 VS_FUNCTION int vs_step_of_path(scene_model* m, scene_series* it, double theta, double h,
-                                const Real* u0, const Real* du, const Real* dQ,
-                                const Real* df, double* norm) {
+                                const Real* u0, const Real* du, const Real* dQ, const Real* df,
+                                double* norm) {
   static const double a[6][6] = {
       {0.2, 0, 0, 0, 0, 0},
       {3.0 / 40, 9.0 / 40, 0, 0, 0, 0},
@@ -219,8 +219,8 @@ VS_FUNCTION int vs_step_of_path(scene_model* m, scene_series* it, double theta, 
   return 1;
 }
 
-VS_FUNCTION scene_status vs_jump(scene_model* m, scene_series* it, const Real* u0,
-                                 const Real* du, const Real* dQ, const Real* df) {
+VS_FUNCTION scene_status vs_jump(scene_model* m, scene_series* it, const Real* u0, const Real* du,
+                                 const Real* dQ, const Real* df) {
   double theta = 0.0;
   double h = 0.1;
   Real x[MOST_SIZE];

@@ -11,11 +11,11 @@ typedef struct {
   int has_mobility;
   SCENE_REAL inverse[SCENE_MATRIX]; /* of A, or of the whole system */
   int is_whole;
-  double distance;                                  /* see vs_invert */
-  int is_in[SCENE_CONSTRAINTS + SCENE_HOLDS + 1];   /* 1: the constraint is in A */
+  double distance;                                      /* see vs_invert */
+  int is_in[SCENE_CONSTRAINTS + SCENE_HOLDS + 1];       /* 1: the constraint is in A */
   SCENE_REAL size[SCENE_CONSTRAINTS + SCENE_HOLDS + 1]; /* C J^-1 D' of each constraint */
-  int counts[SCENE_HOLDS + 1];                      /* 1: the row of an element that holds is on */
-  double unit;                                      /* s, a power of 2 */
-  int order;                                        /* of the coefficients that are known */
+  int counts[SCENE_HOLDS + 1]; /* 1: the row of an element that holds is on */
+  double unit;                 /* s, a power of 2 */
+  int order;                   /* of the coefficients that are known */
   int moves[SCENE_INPUTS + 1]; /* 1: rows of the input have more than their first coefficient */
 } scene_series;

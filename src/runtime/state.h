@@ -19,8 +19,9 @@ typedef struct {
   SCENE_REAL multiplier[SCENE_CONSTRAINTS + SCENE_HOLDS + 1];
   SCENE_REAL reaction[SCENE_SHAFTS]; /* at the start */
   int mode[SCENE_HOLDS + 1];
-  SCENE_REAL side[SCENE_HOLDS + 1]; /* of formulas: 1, -1, 0; larger at a limit that others hold, too */
-  int counts[SCENE_HOLDS + 1];  /* 1: the row of an element that holds is independent of others */
+  SCENE_REAL
+      side[SCENE_HOLDS + 1];   /* of formulas: 1, -1, 0; larger at a limit that others hold, too */
+  int counts[SCENE_HOLDS + 1]; /* 1: the row of an element that holds is independent of others */
   SCENE_REAL heat[SCENE_HOLDS + 1];
   scene_signal input[SCENE_INPUTS + 1];
   double silence[SCENE_INPUTS + 1]; /* s since the last command; -1: there was none */

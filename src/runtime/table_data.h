@@ -3,8 +3,8 @@
 typedef struct {
   int count; /* of points */
   const SCENE_REAL* points;
-  const SCENE_REAL* pieces; /* 6 coefficients of each of count + 1 pieces, from its lower point on; of
-                           the lowest from the first */
+  const SCENE_REAL* pieces; /* 6 coefficients of each of count + 1 pieces, from its lower point on;
+                           of the lowest from the first */
 } vs_table;
 
 typedef struct {

@@ -76,8 +76,7 @@ VS_INLINE void vs_look_up(Real* y, vs_row* h, const Real* x, const vs_table* tab
 }
 
 /* The piece of a table of two variables, from x and y on. */
-VS_RARE void vs_cut_out(Real* a, const vs_table_of_two* table, const double* mode, Real x,
-                        Real y) {
+VS_RARE void vs_cut_out(Real* a, const vs_table_of_two* table, const double* mode, Real x, Real y) {
   const int piece_x = (int)mode[0], piece_y = (int)mode[2];
   const Real low_x = table->points_x[piece_x > 0 ? piece_x - 1 : 0];
   const Real low_y = table->points_y[piece_y > 0 ? piece_y - 1 : 0];
@@ -103,7 +102,8 @@ VS_RARE void vs_look_up_two(vs_row* h, const Real* x, const Real* y, const vs_ta
     k = 0;
   }
   for (; k <= n; ++k) {
-    for (j = 0; j < 5; ++j) p[j][k] = k == 0 ? vs_zero : j == 0 ? y[k] : vs_total(y, p[j - 1], k, 1, k);
+    for (j = 0; j < 5; ++j)
+      p[j][k] = k == 0 ? vs_zero : j == 0 ? y[k] : vs_total(y, p[j - 1], k, 1, k);
     for (i = 5; i >= 0; --i) {
       Real sum = k == 0 ? a[6 * i] : vs_zero;
       for (j = 1; j < 6; ++j) sum += a[6 * i + j] * p[j - 1][k];

@@ -73,14 +73,16 @@ Made make(const ParameterTree& tree, const Sensitivity::SceneReader& read) {
   made.scene = std::make_unique<Scene>(read(tree));
   Scene& scene = *made.scene;
   tighten(&scene.solver);
-  made.program = orRefuse("has no derivatives, since its motion is not stepped by power series", [&] {
-    auto program = std::make_unique<MotionProgram>(scene, shownNodes(scene));
-    program->requireSteps();
-    return program;
-  });
+  made.program =
+      orRefuse("has no derivatives, since its motion is not stepped by power series", [&] {
+        auto program = std::make_unique<MotionProgram>(scene, shownNodes(scene));
+        program->requireSteps();
+        return program;
+      });
   made.numbers = made.program->numbers();
   const auto shafts = scene.shafts.size();
-  for (Numbers initial : {scene.initial.angle, scene.initial.velocity, scene.initial.acceleration}) {
+  for (Numbers initial :
+       {scene.initial.angle, scene.initial.velocity, scene.initial.acceleration}) {
     initial.resize(shafts);
     made.numbers.insert(made.numbers.end(), initial.begin(), initial.end());
   }
@@ -117,14 +119,15 @@ Numbers combine(const std::vector<Made>& made, const std::vector<double>& weight
   return sum;
 }
 
-/// The program, its numbers and their derivatives. Programs are made along lines through the scene's
-/// values on which no parameter has a value that a formula simplifies by (0, 1) or shares with
-/// another: they have one structure.
+/// The program, its numbers and their derivatives. Programs are made along lines through the
+/// scene's values on which no parameter has a value that a formula simplifies by (0, 1) or shares
+/// with another: they have one structure.
 struct Source {
   Made base;
   TangentNumbers numbers;
 
-  Source(const ParameterTree& tree, const Sensitivity::SceneReader& read, const std::vector<Parameter>& by)
+  Source(const ParameterTree& tree, const Sensitivity::SceneReader& read,
+         const std::vector<Parameter>& by)
       : base(make(tree, read)) {
     numbers.values = base.numbers;
     if (by.empty()) return;
@@ -161,8 +164,9 @@ struct Source {
   static void requireSame(const std::vector<int>& one, const std::vector<int>& other,
                           const std::string& path) {
     if (one == other) return;
-    throw SceneError(path, "changes which formulas the motion has, and not their numbers alone: there "
-                           "is no derivative by it");
+    throw SceneError(path,
+                     "changes which formulas the motion has, and not their numbers alone: there "
+                     "is no derivative by it");
   }
 
   /// Makes programs along a line, and returns the slopes of their numbers, per unit. On one side
@@ -238,9 +242,9 @@ Sensitivity::Sensitivity(const ParameterTree& tree, const SceneReader& read,
       const bool is_number = *end == '\0' && place + 1 < path.size();
       if (!is_number || !(std::abs(nearest - seed.time) <= 1e-9 * std::max(1.0, seed.time))) {
         throw SceneError("", inQuotes(path) + ": there is no command to that input at that time; " +
-                                 (std::isfinite(nearest) ? "the nearest one is at " +
-                                                               formatNumber(nearest) + " s"
-                                                         : "there is none at all"));
+                                 (std::isfinite(nearest)
+                                      ? "the nearest one is at " + formatNumber(nearest) + " s"
+                                      : "there is none at all"));
       }
       seed.time = nearest;
     }
@@ -253,7 +257,8 @@ Sensitivity::Sensitivity(const ParameterTree& tree, const SceneReader& read,
       quantities.push_back(shaft + of);
     }
   }
-  for (const ConstraintPtr& it : scene.constraints) quantities.push_back(it->name() + "/multiplier");
+  for (const ConstraintPtr& it : scene.constraints)
+    quantities.push_back(it->name() + "/multiplier");
   for (const SceneState& it : scene.states) {
     quantities.push_back("states/" + scene.inputs[static_cast<std::size_t>(it.input)].name);
   }

@@ -1,9 +1,9 @@
-/// Derivatives of a run by numbers of its scene and by values of commands: `simulate --sensitivity`,
-/// variator_sim.simulate(.., gradient=[..]).
+/// Derivatives of a run by numbers of its scene and by values of commands: `simulate
+/// --sensitivity`, variator_sim.simulate(.., gradient=[..]).
 ///
 /// Beside the run, motions over numbers with derivatives (TangentMotion) get the same commands and
-/// are sampled at the same instants. A number of the scene enters the motion by those of its program,
-/// c(p): their derivatives are differences of programs that are made for values nearby,
+/// are sampled at the same instants. A number of the scene enters the motion by those of its
+/// program, c(p): their derivatives are differences of programs that are made for values nearby,
 ///     dc/dp = sum_k w_k c(p + k h),  k = +-1, +-2, +-3,
 /// exact to rounding for what a program makes of a number. All else is differentiated by the chain
 /// rule, the instants of events with it.
@@ -27,9 +27,9 @@ class Sensitivity {
  public:
   using SceneReader = std::function<Scene(const ParameterTree&)>;
 
-  /// `paths`: numbers of the scene ("drive/inertia"), or commands as TOPIC@TIME ("ratio@2.0"), which
-  /// have to be among `commands`. Throws SceneError for others, and for a scene whose motion has no
-  /// series.
+  /// `paths`: numbers of the scene ("drive/inertia"), or commands as TOPIC@TIME ("ratio@2.0"),
+  /// which have to be among `commands`. Throws SceneError for others, and for a scene whose motion
+  /// has no series.
   Sensitivity(const ParameterTree& tree, const SceneReader& read,
               const std::vector<std::string>& paths, const std::vector<ResolvedCommand>& commands);
   ~Sensitivity();

@@ -408,7 +408,8 @@ int runChecked(Simulation& simulation, OfflineRun& offline_run, const SimulateOp
                const Span& span) {
   MinimumWatch watch(simulation, !options.curves_path.empty());
   offline_run.lookAt([&watch](const Sample& sample) { watch.look(sample); });
-  const int status = run(simulation, offline_run, *makeWriter(simulation, options, options.columns), options, span);
+  const int status = run(simulation, offline_run, *makeWriter(simulation, options, options.columns),
+                         options, span);
   bool is_least = true;
   writeOutput("", watch.describe(&is_least));
   if (!options.curves_path.empty()) writeOutput(options.curves_path, watch.curves());

@@ -217,7 +217,8 @@ void completeOptions(const OptionParser& given, SimulateOptions& options) {
     throw UsageError("--sensitivity: a bag has no place for derivatives; write a .csv");
   }
   if (!options.sensitivity.empty() && !begins_at_zero) {
-    throw UsageError("--sensitivity and --from-state exclude each other: a state has no derivatives");
+    throw UsageError(
+        "--sensitivity and --from-state exclude each other: a state has no derivatives");
   }
   refuseOverwriting(options);
 }
