@@ -14,4 +14,7 @@ namespace variator_sim {
 /// text, or to an item that a list does not have.
 void setValue(ParameterTree& tree, const std::string& path, ParameterTree value);
 
+/// Returns the value at such a path. Throws SceneError, with the nearest path, where there is none.
+ParameterTree getValue(const ParameterTree& tree, const std::string& path);
+
 }  // namespace variator_sim

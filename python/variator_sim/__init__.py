@@ -13,11 +13,12 @@ No ROS master is needed. The messages lie beside: `variator_sim.msg`, `variator_
 
 from variator_sim._core import LinearModel, Sample, Simulation, SteadyState
 from variator_sim.errors import MotionStopped, NoSteadyState, SceneError
+from variator_sim.optimal import Programme, optimise
 from variator_sim.recordings import read_run
 from variator_sim.running import Result, record, simulate
 from variator_sim.sweeps import Table, read_table, sweep
 
 Simulation.record = record
 
-__all__ = ["LinearModel", "MotionStopped", "NoSteadyState", "Result", "Sample", "SceneError",
-           "Simulation", "SteadyState", "Table", "read_table", "simulate", "sweep"]
+__all__ = ["LinearModel", "MotionStopped", "NoSteadyState", "Programme", "Result", "Sample", "SceneError",
+           "Simulation", "SteadyState", "Table", "optimise", "read_table", "simulate", "sweep"]

@@ -207,7 +207,7 @@ def run_controlled(simulation, controller, period, end, instants, listed, groups
 
 
 def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, columns="state",
-             overrides=None, state=None, until_rest=False, controller=None, period=0.01):
+             overrides=None, state=None, until_rest=False, controller=None, period=0.01, gradient=()):
     """Runs a scene, as `rosrun variator_sim simulate` does, and returns a `Result`.
 
     Args:
@@ -225,6 +225,8 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
         controller: called every `period` s, at the start too, with the `Sample` there; returns a dict
             of commands by topic, which act from there on, or None: lockstep, as `Simulation.step`.
         period: of the controller, s of simulated time.
+        gradient: numbers of the scene by path ("drive/inertia") and commands ("ratio@2.0") that the samples are
+            differentiated by: adds columns such as "d(load/velocity)/d(drive/inertia)".
 
     What the command line warns of is a warning here too (`warnings`).
 
@@ -239,7 +241,14 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
     names = simulation.columns(groups)
     if state is not None:
         simulation.set_state(state)
-    if controller is None:
+    if gradient:
+        if state is not None or controller is not None:
+            raise ValueError("gradient: excludes state and controller, which have no derivatives")
+        values, outside, error, names, end_of_gradient = simulation._run(
+            duration, rate, times, listed, groups, until_rest, [gradient] if isinstance(gradient, str) else list(gradient))
+        if end_of_gradient:
+            warnings.warn(end_of_gradient, stacklevel=2)
+    elif controller is None:
         values, outside, error = simulation._run(duration, rate, times, listed, groups, until_rest)
     else:
         if until_rest or not callable(controller) or not (math.isfinite(period) and period > 0.0):

@@ -81,13 +81,13 @@ class Walk {
     }
     return *here;
   }
-
- private:
   [[noreturn]] void fail(const std::string& message) const {
     std::vector<std::string> paths;
     collectPaths(tree_, "", &paths);
     throw SceneError(path_, message + suggestName(join(steps_, steps_.size()), paths));
   }
+
+ private:
   std::string place() const { return inQuotes(join(steps_, at_)); }
 
   ParameterTree& item(ParameterTree& list) const {
@@ -129,6 +129,16 @@ void setValue(ParameterTree& tree, const std::string& path, ParameterTree value)
   ParameterTree changed = tree;
   Walk(changed, path).toEnd() = std::move(value);
   tree = std::move(changed);
+}
+
+ParameterTree getValue(const ParameterTree& tree, const std::string& path) {
+  ParameterTree copy = tree;
+  ParameterTree found = Walk(copy, path).toEnd();
+  if (found.kind() == Kind::kNothing) {
+    ParameterTree its_own = tree;
+    Walk(its_own, path).fail("the scene does not say it");
+  }
+  return found;
 }
 
 }  // namespace variator_sim

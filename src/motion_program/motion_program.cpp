@@ -379,6 +379,21 @@ void MotionProgram::setMemory(const Scene& scene) {
   FIRST_EVENT = SIGNS - EVENTS;
 }
 
-// --- C -------------------------------------------------------------------------------------------
+std::vector<double> MotionProgram::numbers() const {
+  std::vector<double> made = rows_.numbers();
+  const auto add = [&made](const std::vector<double>& more) {
+    made.insert(made.end(), more.begin(), more.end());
+  };
+  for (const MotionRows::DenseTable& it : rows_.tables()) {
+    for (const std::vector<double>& axis : it.points) add(axis);
+    add(it.pieces);
+  }
+  for (const std::vector<double>& it : passages) add(it);
+  for (const MotionList<double>* it : {&coupling, &constant_value, &restitution, &closes_below,
+                                       &parameter_of, &initial_input, &minimum_of, &maximum_of}) {
+    add(it->values);
+  }
+  return made;
+}
 
 }  // namespace variator_sim

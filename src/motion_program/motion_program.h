@@ -49,6 +49,8 @@ class MotionProgram : public MotionData {
 
   /// Returns words that are equal for scenes whose kernels have the same text.
   std::vector<int> structure() const;
+  /// Returns the numbers of formulas, tables and lists, in an order that the structure determines.
+  std::vector<double> numbers() const;
   /// Writes the C of a library that steps the motion: the functions of host_kernel.h.
   std::string writeKernel() const;
   /// Writes the sizes of a series as enumerators.

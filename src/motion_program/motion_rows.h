@@ -64,8 +64,12 @@ class MotionRows : private expression::SeriesStatements {
   /// Writes the functions of all parts, with the tables before them, or for a program that reads
   /// them and all numbers from vs_numbers.
   std::string write(bool shares) const;
-  /// Returns vs_numbers::constants.
+  /// Returns vs_numbers::constants: factors of terms, then constants of instructions.
   std::vector<double> numbers() const;
+  /// The place of an instruction's constant there.
+  std::size_t placeOf(const Instruction& it) const {
+    return program_.terms_.size() + static_cast<std::size_t>(&it - program_.instructions_.data());
+  }
 
  private:
   void noteGrowth(const Instruction& it);

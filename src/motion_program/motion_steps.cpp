@@ -45,6 +45,8 @@ static void listTables(const MotionRows& rows, std::vector<vs_table>* one,
 #define VS_FUNCTION_INLINE
 #define VS_FUNCTION_RARE
 #define VS_RANGES ranges_.data()
+#define VS_CONSTANT(instruction) (instruction).constant
+#define VS_FACTOR(term) (term).factor
 
 namespace interpreted {
 using namespace expression::library;  // NOLINT

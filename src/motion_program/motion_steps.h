@@ -9,6 +9,7 @@
 
 namespace variator_sim {
 
+#define SCENE_REAL double
 #include "runtime/status.h"
 //
 #include "runtime/table_data.h"

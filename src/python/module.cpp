@@ -207,11 +207,17 @@ void bindSimulation(py::module& module) {
            py::kw_only(), py::arg("accelerating") = false)
       .def("residuals", &Self::residuals, py::arg("accelerations"))
       .def("compile", &Self::compile)
-      .def("_run", [](Self& s, double duration, double rate, const py::object& times,
-                      const std::vector<CommandTuple>& commands, const std::string& columns,
-                      bool until_rest) {
-        return s.run(makeRequest(duration, rate, times, commands, columns, until_rest));
-      });
+      .def(
+          "_run",
+          [](Self& s, double duration, double rate, const py::object& times,
+             const std::vector<CommandTuple>& commands, const std::string& columns, bool until_rest,
+             const std::vector<std::string>& gradient) {
+            return s.run(makeRequest(duration, rate, times, commands, columns, until_rest),
+                         gradient);
+          },
+          py::arg("duration"), py::arg("rate"), py::arg("times"), py::arg("commands"),
+          py::arg("columns"), py::arg("until_rest"),
+          py::arg("gradient") = std::vector<std::string>{});
   addFastCalls(simulation);
   bindViews(simulation);
 }

@@ -85,7 +85,8 @@ void withoutLock(const Work& work) {
 class PythonSimulation {
  public:
   PythonSimulation(const py::object& scene, const py::object& overrides, bool energy)
-      : simulation_(load(scene, overrides, energy)),
+      : tree_(withOverrides(readSceneArgument(scene), readOverrides(overrides))),
+        simulation_(load(tree_, energy)),
         names_(std::make_shared<const SampleNames>(simulation_)) {
     for (const std::string& warning : simulation_.scene().warnings) warn(warning);
   }
@@ -288,16 +289,28 @@ class PythonSimulation {
   }
 
   /// Returns rows, the number of commands outside, and None or the error that ended the run.
-  py::tuple run(const RunRequest& request) {
+  /// With `gradient` also the names of the columns, and why and when the derivatives ended, or "".
+  py::tuple run(RunRequest request, const std::vector<std::string>& gradient = {}) {
     get();
     RunRows rows;
-    move([&] { rows = python::run(simulation_, request); });
+    std::unique_ptr<Sensitivity> by;
+    move([&] {
+      if (!gradient.empty()) {
+        by = std::make_unique<Sensitivity>(tree_, readTree, gradient,
+                                           resolveCommands(request.commands, scene(), "commands"));
+        request.columns.derivatives = by->names();
+      }
+      rows = python::run(simulation_, request, by.get());
+    });
     events_.insert(events_.end(), rows.events.begin(), rows.events.end());
     const auto columns = static_cast<py::ssize_t>(columnsOf(request.columns).size());
     const auto count = static_cast<py::ssize_t>(rows.values.size()) / columns;
     Array values({count, columns}, rows.values.data());
     const bool is_ok = simulation_.status().ok();
-    return py::make_tuple(values, rows.ignored_commands, is_ok ? py::none() : stopped());
+    const py::object error = is_ok ? py::none() : stopped();
+    if (by == nullptr) return py::make_tuple(values, rows.ignored_commands, error);
+    return py::make_tuple(values, rows.ignored_commands, error, columnsOf(request.columns),
+                          by->stop());
   }
   std::vector<std::string> columnsOf(const ColumnGroups& groups) {
     return columnNames(get(), groups);
@@ -316,14 +329,14 @@ class PythonSimulation {
   }
 
  private:
-  static Simulation load(const py::object& scene, const py::object& overrides, bool energy) {
-    const ParameterTree tree = readSceneArgument(scene);
-    const Overrides values = readOverrides(overrides);
+  static Scene readTree(const ParameterTree& tree) {
+    PluginlibComponentFactory factory;
+    return readScene(tree, factory, nodeNames());
+  }
+  static Simulation load(const ParameterTree& tree, bool energy) {
     std::unique_ptr<Simulation> simulation;
     withoutLock([&] {
-      PluginlibComponentFactory factory;
-      simulation = std::make_unique<Simulation>(
-          readScene(withOverrides(tree, values), factory, nodeNames()));
+      simulation = std::make_unique<Simulation>(readTree(tree));
       simulation->trackEnergy(energy);
       simulation->loadMachineCode(simulation->scene().solver.machine_code == MachineCode::kAlways);
     });
@@ -347,6 +360,7 @@ class PythonSimulation {
     is_busy_ = false;
   }
 
+  const ParameterTree tree_;
   Simulation simulation_;
   std::shared_ptr<const SampleNames> names_;
   std::vector<ModeEvent> events_;  ///< of runs, not yet taken

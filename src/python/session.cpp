@@ -14,7 +14,7 @@ ParameterTree withOverrides(ParameterTree tree, const Overrides& overrides) {
   return tree;
 }
 
-RunRows run(Simulation& simulation, const RunRequest& request) {
+RunRows run(Simulation& simulation, const RunRequest& request, Sensitivity* sensitivity) {
   const double begin = simulation.time();
   const double end = begin + request.duration;
   OfflineRun offline(simulation,
@@ -22,6 +22,7 @@ RunRows run(Simulation& simulation, const RunRequest& request) {
                                        : SampleTimes::atRate(request.rate, begin, end),
                      resolveCommands(request.commands, simulation.scene(), "commands"), end);
   offline.observe(request.columns.quantities);
+  offline.differentiate(sensitivity);
   if (request.until_rest) offline.endAtRest();
   RunRows rows;
   rows.ignored_commands = offline.ignoredCount() + offline.pastCount();

@@ -8,6 +8,7 @@
 
 #include "tools/columns.h"
 #include "tools/offline_run.h"
+#include "tools/sensitivity.h"
 #include "variator_sim/parameter_tree.h"
 #include "variator_sim/simulation.h"
 
@@ -36,7 +37,8 @@ struct RunRows {
   std::vector<ModeEvent> events;
 };
 
-/// Runs from the current time until the end, a stop or an interruption. Throws CommandFileError.
-RunRows run(Simulation& simulation, const RunRequest& request);
+/// Runs from the current time until the end, a stop or an interruption; `sensitivity`: adds its
+/// derivatives to the samples, or null. Throws CommandFileError.
+RunRows run(Simulation& simulation, const RunRequest& request, Sensitivity* sensitivity = nullptr);
 
 }  // namespace variator_sim::python

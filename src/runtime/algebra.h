@@ -51,23 +51,23 @@ VS_FUNCTION void vs_enter_state(const scene_model* m, scene_series* it) {
   vs_rest(it, 0);
 }
 
-VS_FUNCTION double vs_entry(const scene_series* it, int p, int i) {
+VS_FUNCTION Real vs_entry(const scene_series* it, int p, int i) {
   return it->row[entry_row[S * p + i]][0];
 }
 
 /* D, along which the reaction of a constraint acts: C but of those with a direction of their own.
  */
-VS_FUNCTION double vs_direction(const scene_series* it, int p, int i) {
+VS_FUNCTION Real vs_direction(const scene_series* it, int p, int i) {
   return it->row[direction_row[S * p + i]][0];
 }
 
-VS_FUNCTION double vs_inertia(const scene_series* it, int i, int j) {
+VS_FUNCTION Real vs_inertia(const scene_series* it, int i, int j) {
   if (IS_GENERAL) return it->row[pair_row[S * i + j]][0];
   return i == j ? it->row[inertia_row[i]][0] : coupling[S * i + j];
 }
 
 /* R = J epsilon + n - Q */
-VS_FUNCTION void vs_reaction(const scene_series* it, double* R) {
+VS_FUNCTION void vs_reaction(const scene_series* it, Real* R) {
   int i, j;
   for (i = 0; i < S; ++i) {
     R[i] = it->row[inertial_row[i]][0] - it->row[torque_row[i]][0];
@@ -94,7 +94,7 @@ enum { VS_POSITIVE, VS_RANKED, VS_SOUGHT };
  * leaves the inverse. *distance: the least pivot as a part of its diagonal element, where they are
  * ranked, the square of how far apart rows are. */
 VS_FUNCTION_INLINE int vs_invert(Real* M, int n, int first, int end, int pivots, const Real* size,
-                                 Real* distance) {
+                                 double* distance) {
   int best[MOST_SIZE], i, j, p;
   for (p = first; p < end; ++p) {
     Real pivot;
@@ -112,13 +112,13 @@ VS_FUNCTION_INLINE int vs_invert(Real* M, int n, int first, int end, int pivots,
     M[n * best[p] + p] = M[n * p + p];
     M[n * p + p] = 1.0;
     for (j = 0; j < n; ++j) {
-      const Real kept = j == p ? 1.0 : M[n * best[p] + j];
+      const Real kept = j == p ? (Real)1.0 : M[n * best[p] + j];
       if (j != p) M[n * best[p] + j] = M[n * p + j];
       M[n * p + j] = kept / pivot;
     }
     for (i = 0; i < n; ++i) {
       const Real factor = M[n * i + p];
-      if (i == p || factor == 0.0) continue;
+      if (i == p || VS_IS_SAME(factor, 0.0)) continue;
       M[n * i + p] = 0.0;
       for (j = 0; j < n; ++j) M[n * i + j] -= factor * M[n * p + j];
     }
@@ -135,7 +135,7 @@ VS_FUNCTION_INLINE int vs_invert(Real* M, int n, int first, int end, int pivots,
 
 /* J^-1, which a constant inertia has once. */
 VS_FUNCTION int vs_factor_inertia(scene_series* it) {
-  Real unused;
+  double unused;
   int i, j;
   if (it->has_mobility && !INERTIA_VARIES) return 1;
   for (i = 0; i < S; ++i) {
@@ -162,7 +162,7 @@ VS_FUNCTION void vs_write_whole(scene_series* it) {
   int e, i, j, p;
   for (i = 0; i < SIZE; ++i) {
     for (j = 0; j < SIZE; ++j)
-      M[SIZE * i + j] = i < S && j < S && (i == j || IS_COUPLED) ? vs_inertia(it, i, j) : 0.0;
+      M[SIZE * i + j] = i < S && j < S && (i == j || IS_COUPLED) ? vs_inertia(it, i, j) : vs_zero;
   }
   for (p = 0; p < K; ++p) {
     if (!it->is_in[p]) M[SIZE * (S + p) + S + p] = 1.0;
@@ -203,7 +203,7 @@ VS_FUNCTION int vs_factor(scene_series* it, int low, int high) {
       Real sum = 0.0;
       for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e)
         sum += vs_entry(it, p, entry_shaft[e]) * y[entry_shaft[e]];
-      it->inverse[K * p + q] = it->is_in[p] && it->is_in[q] ? sum : p == q;
+      it->inverse[K * p + q] = it->is_in[p] && it->is_in[q] ? sum : (Real)(p == q);
     }
     it->size[q] = it->inverse[K * q + q];
   }
@@ -245,7 +245,7 @@ VS_FUNCTION void vs_find_left(const scene_series* it, const Real* b, const Real*
     }
   }
   for (p = 0; p < K; ++p) {
-    left[S + p] = it->is_in[p] ? b[S + p] : 0.0;
+    left[S + p] = it->is_in[p] ? b[S + p] : vs_zero;
     for (e = entry_begin[p]; e < entry_begin[p + 1] && it->is_in[p]; ++e) {
       left[S + p] -= vs_entry(it, p, entry_shaft[e]) * x[entry_shaft[e]];
       left[entry_shaft[e]] += vs_direction(it, p, entry_shaft[e]) * x[S + p];
@@ -260,7 +260,7 @@ VS_FUNCTION_INLINE void vs_solve(const scene_series* it, Real* x) {
   const Real near = 1e-4;
   Real b[MOST_SIZE], left[MOST_SIZE];
   int i, round;
-  for (i = 0; i < SIZE; ++i) b[i] = x[i] = i < S || vs_is_on(it, i - S) ? x[i] : 0.0;
+  for (i = 0; i < SIZE; ++i) b[i] = x[i] = i < S || vs_is_on(it, i - S) ? x[i] : vs_zero;
   vs_eliminate(it, x);
   for (round = 0; round < 2 && it->distance < near; ++round) {
     vs_find_left(it, b, x, left);
@@ -271,9 +271,10 @@ VS_FUNCTION_INLINE void vs_solve(const scene_series* it, Real* x) {
 
 /* The whole inverse where psi is not linear in the accelerations: J less the sum of lambda
  * d2psi/depsilon2 in the place of J. The system is scaled by 1/sqrt(J_ii) and 1/sqrt(C J^-1 C'). */
-VS_FUNCTION int vs_factor_curved(scene_series* it, const double* lambda, int low, int high) {
+VS_FUNCTION int vs_factor_curved(scene_series* it, const Real* lambda, int low, int high) {
   Real* const M = it->inverse;
-  Real scale[MOST_SIZE], unused;
+  Real scale[MOST_SIZE];
+  double unused;
   int i, p;
   if (!vs_factor(it, low, high)) return 0;
   if (!IS_CURVED) return 1;

@@ -1,7 +1,7 @@
 /* Commands and starts change the state; residuals and reaction rates are read from it. */
 
 /* True where `values` are those that were given. */
-VS_FUNCTION int vs_are_given(const double* values, const double* given) {
+VS_FUNCTION int vs_are_given(const Real* values, const Real* given) {
   int i;
   for (i = 0; i < S; ++i) {
     const double moved = fabs(values[i] - given[i]);
@@ -15,7 +15,7 @@ VS_FUNCTION int vs_are_given(const double* values, const double* given) {
  */
 VS_FUNCTION scene_status vs_start(scene_model* m, scene_series* it, int are_given, int may_move) {
   const scene_state given = m->now;
-  double lambda[MOST_CONSTRAINTS + 1] = {0.0};
+  Real lambda[MOST_CONSTRAINTS + 1] = {0.0};
   scene_status status;
   vs_forget_modes(m);
   vs_enter_inputs(m, it, 0);
@@ -36,7 +36,7 @@ VS_FUNCTION scene_status vs_start(scene_model* m, scene_series* it, int are_give
 VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* next) {
   scene_series* const it = vs_series(m);
   const scene_state before = m->now;
-  double u[MOST_INPUTS + 1], du[MOST_INPUTS + 1], dQ[MOST_SHAFTS];
+  Real u[MOST_INPUTS + 1], du[MOST_INPUTS + 1], dQ[MOST_SHAFTS];
   scene_status status = SCENE_OK;
   int jumps = 0;
   int i;
@@ -47,7 +47,8 @@ VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* ne
     u[i] = vs_input_value(&m->now.input[i]);
     m->now.input[i] = next[i];
     du[i] = vs_input_value(&m->now.input[i]) - u[i];
-    jumps = jumps || fabs(du[i]) > 1e-14 * (fabs(u[i]) + fabs(u[i] + du[i]));
+    jumps = jumps || fabs(du[i]) > 1e-14 * (fabs(u[i]) + fabs(u[i] + du[i])) ||
+            (du[i] == 0.0 && !VS_IS_SAME(du[i], 0.0));
   }
   if (!m->has_moved) {
     status = vs_start(m, it, HAS_GIVEN_ACCELERATIONS, MAY_PROJECT);
@@ -86,8 +87,8 @@ VS_FUNCTION_RARE const char* vs_status_text(scene_status status) {
 }
 
 /* The residual of a constraint: f, psi, or C eta + c_0 of order 3. */
-VS_FUNCTION double vs_residual(const scene_series* it, int p) {
-  double left = it->row[(order_of[p] == 1 ? velocity_residual_row : residual_row)[p]][0];
+VS_FUNCTION Real vs_residual(const scene_series* it, int p) {
+  Real left = it->row[(order_of[p] == 1 ? velocity_residual_row : residual_row)[p]][0];
   int i;
   for (i = 0; i < S && order_of[p] == 3; ++i) {
     left += vs_entry(it, p, i) * it->row[ACCELERATION + i][1] / it->unit;
@@ -96,8 +97,8 @@ VS_FUNCTION double vs_residual(const scene_series* it, int p) {
 }
 
 /* 1/2 J' omega J^-1 R, or B J^-1 R: R' less its covariant form G */
-VS_FUNCTION double vs_connection(const scene_series* it, int i) {
-  double sum = 0.0;
+VS_FUNCTION Real vs_connection(const scene_series* it, int i) {
+  Real sum = 0.0;
   int j;
   for (j = 0; j < S && IS_GENERAL; ++j)
     sum += it->row[turn_row[S * i + j]][0] * it->row[PULL + j][0];
@@ -106,12 +107,12 @@ VS_FUNCTION double vs_connection(const scene_series* it, int i) {
 }
 
 /* R' = C' Lambda + 1/2 J' omega J^-1 R; of gauss, or along D, D' lambda' + (dD/dt)' lambda */
-VS_FUNCTION double vs_reaction_rate(const scene_series* it, int i) {
-  double rate = 0.0;
+VS_FUNCTION Real vs_reaction_rate(const scene_series* it, int i) {
+  Real rate = 0.0;
   int p;
   for (p = 0; p < K; ++p) {
-    const double* const D = it->row[direction_row[S * p + i]];
-    const double* const l = it->row[MULTIPLIER + p];
+    const Real* const D = it->row[direction_row[S * p + i]];
+    const Real* const l = it->row[MULTIPLIER + p];
     rate += IS_CLASSICAL ? (D[0] * l[1] + D[1] * l[0]) / it->unit : D[0] * l[0];
     if (has_direction[p] && !IS_CLASSICAL) rate += D[1] * it->row[TRANSMITTED + p][0] / it->unit;
   }

@@ -91,7 +91,7 @@ VS_FUNCTION_RARE int vs_is_noise(const scene_series* it, int h, int kind, int n,
 VS_FUNCTION_RARE void vs_combine(Real* c, int last, double factor, const Real* x, double other,
                                  const Real* y) {
   int n;
-  for (n = 0; n <= last; ++n) c[n] = factor * x[n] + (other == 0.0 ? 0.0 : other * y[n]);
+  for (n = 0; n <= last; ++n) c[n] = factor * x[n] + (other == 0.0 ? vs_zero : other * y[n]);
 }
 
 /* True for the losses of a constraint. */
@@ -140,7 +140,7 @@ VS_FUNCTION_RARE int vs_scaled_lead(const scene_series* it, int h, int mode, Rea
   vs_lead(it, h, s, mode != s, it->order, c);
   for (n = 0; n <= it->order; ++n) c[n] *= it->size[p] / mobility;
   if (fabs(c[0]) > vs_noise(it) * size) return 1;
-  c[0] = 0.0;
+  VS_SET_VALUE(c[0], 0.0);
   return 0;
 }
 
@@ -224,6 +224,6 @@ VS_FUNCTION_RARE int vs_condition(const scene_model* m, const scene_series* it, 
     else
       vs_combine(c, last, -1.0, it->row[lower_row[h]], -1.0, tau);
   }
-  for (n = 0; n <= last && vs_is_noise(it, h, kind, n, c); ++n) c[n] = 0.0;
+  for (n = 0; n <= last && vs_is_noise(it, h, kind, n, c); ++n) VS_SET_VALUE(c[n], 0.0);
   return 1;
 }

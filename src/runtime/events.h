@@ -15,12 +15,12 @@ VS_FUNCTION const Real* vs_guard(const scene_series* it, int guard) {
   return it->row[guard < SIGNS ? sign_row[guard] : passage_row[guard - SIGNS]];
 }
 
-VS_FUNCTION void vs_meet(vs_event* found, const double* c, int last, int guard, double point) {
+VS_FUNCTION void vs_meet(vs_event* found, const Real* c, int last, int guard, double point) {
   /* A motion that begins on the edge of a jump leaves it at once. */
   const int jumps = guard < SIGNS ? sign_jumps[guard] : passage_jumps[guard - SIGNS];
   const double side = vs_first_sign(c, last);
   const int is_start = jumps && c[0] == 0.0 && side != 0.0;
-  const double theta = is_start ? 0.0 : vs_first_root(c, last, found->theta);
+  const double theta = is_start ? 0.0 : (double)vs_first_root(c, last, found->theta);
   if (theta > found->theta || (found->guard >= 0 && theta == found->theta)) return;
   found->theta = theta;
   found->guard = guard;
@@ -38,7 +38,8 @@ VS_FUNCTION void vs_meet_end(const scene_model* m, const scene_series* it, vs_ev
     for (k = 0; k < VS_CONDITIONS; ++k) {
       double theta;
       if (!vs_condition(m, it, h, k, c)) continue;
-      theta = vs_first_sign(c, it->order) < 0.0 ? 0.0 : vs_first_root(c, it->order, found->theta);
+      theta = vs_first_sign(c, it->order) < 0.0 ? 0.0
+                                                : (double)vs_first_root(c, it->order, found->theta);
       if (theta > found->theta || (found->element >= 0 && theta == found->theta)) continue;
       found->theta = theta;
       found->element = h;
@@ -50,19 +51,19 @@ VS_FUNCTION void vs_meet_end(const scene_model* m, const scene_series* it, vs_ev
 /* The points of a table's argument between which x lies, or on one of which it begins. */
 VS_FUNCTION void vs_find_points(const scene_series* it, int table, double x, double* low,
                                 double* high, double* on) {
-  const double* const points = passage_points[table];
+  const Real* const points = passage_points[table];
   int above = vs_count_below(points, passage_count[table], x);
   (void)it;
-  *high = above < passage_count[table] ? points[above] : INFINITY;
+  *high = above < passage_count[table] ? (double)points[above] : INFINITY;
   *on = above > 0 && points[above - 1] == x ? x : INFINITY;
   if (*on == x) --above;
-  *low = above > 0 ? points[above - 1] : -INFINITY;
+  *low = above > 0 ? (double)points[above - 1] : -INFINITY;
 }
 
 /* The part of theta up to which a guard's last two terms are next to nothing beside the others: of
  * a guard that varies faster than the motion, or of a mode that is not taken, the series may have
  * ended too early. */
-VS_FUNCTION double vs_known_part(const double* c, int last, double theta) {
+VS_FUNCTION double vs_known_part(const Real* c, int last, double theta) {
   int halvings, n;
   for (halvings = 0; halvings < 60; ++halvings, theta *= 0.5) {
     double power = 1.0;
@@ -82,7 +83,7 @@ VS_FUNCTION double vs_known_part(const double* c, int last, double theta) {
 
 /* The distance that a guard stays away from its nearest point over a step, if what its last two
  * terms leave out is four times them at the most: above 0 for guards that need no search. */
-VS_FUNCTION double vs_clearance(const double* c, int last, double theta, double low, double high) {
+VS_FUNCTION double vs_clearance(const Real* c, int last, double theta, double low, double high) {
   double sum = 0.0, term = 0.0, before = 0.0, power = theta;
   int n;
   for (n = 1; n <= last; ++n, power *= theta) {
@@ -125,7 +126,8 @@ VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it,
                                    int but) {
   const double rounding = 8.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time) / it->unit;
   vs_event found = {0.0, -1, 0, 0.0, 0.0, -1, 0};
-  double points[3], c[VS_STRIDE];
+  double points[3];
+  Real c[VS_STRIDE];
   int g, k, n, first = SIGNS + TABLES; /* the first guard that may pass */
   for (g = 0; g < SIGNS + TABLES; ++g) {
     const double reach = *theta * (1.0 + 1e-12) + rounding;
@@ -180,14 +182,14 @@ VS_FUNCTION int vs_is_beyond(const scene_series* it, const vs_event* at) {
 
 /* The heat of element h up to theta, J, the integral of T f. The product is taken up to its own
  * degree: the series end where angles and speeds are known, which is too early for it. */
-VS_FUNCTION double vs_heat(const scene_model* m, const scene_series* it, int h, double theta) {
+VS_FUNCTION Real vs_heat(const scene_model* m, const scene_series* it, int h, Real theta) {
   const Real *const T = it->row[slide_row[h]], *const f = it->row[slip_row[h]];
   const int last = it->order;
-  double sum = 0.0;
+  Real sum = 0.0;
   int k, n;
   if (m->now.mode[h] == VS_STUCK) return 0.0;
   for (n = 2 * last; n >= 0; --n) {
-    double p = 0.0;
+    Real p = 0.0;
     for (k = n > last ? n - last : 0; k <= n && k <= last; ++k) p += T[k] * f[n - k];
     sum = sum * theta + p / (n + 1);
   }
@@ -195,11 +197,11 @@ VS_FUNCTION double vs_heat(const scene_model* m, const scene_series* it, int h, 
 }
 
 /* The state at theta of the present series. */
-VS_FUNCTION void vs_go(scene_model* m, double theta) {
+VS_FUNCTION void vs_go(scene_model* m, Real theta) {
   const scene_series* const it = vs_series(m);
-  const double h = theta * it->unit;
+  const Real h = theta * it->unit;
   const int last = vs_last(it);
-  double rest, sum;
+  Real rest, sum;
   int c, i;
   for (i = 0; i < S; ++i) {
     m->now.angle[i] = vs_evaluate(it->row[ANGLE + i], last, theta);
@@ -217,7 +219,8 @@ VS_FUNCTION void vs_go(scene_model* m, double theta) {
   for (i = 0; i < INPUTS; ++i) {
     scene_signal* const s = &m->now.input[i];
     const int has_arrived = s->age + h >= s->end * (1.0 - 1e-14);
-    s->age = has_arrived ? s->end : s->age + h;
+    s->age += h;
+    if (has_arrived) VS_SET_VALUE(s->age, s->end);
     if (m->now.silence[i] >= 0.0) m->now.silence[i] += h;
   }
   /* time + time_rest is the sum, rounded once */
@@ -229,23 +232,23 @@ VS_FUNCTION void vs_go(scene_model* m, double theta) {
 
 /* Quantities that may jump at an event. */
 typedef struct {
-  double torque[MOST_SHAFTS];
-  double residual[MOST_CONSTRAINTS + 1]; /* f or psi; 0 of order 3 */
+  Real torque[MOST_SHAFTS];
+  Real residual[MOST_CONSTRAINTS + 1]; /* f or psi; 0 of order 3 */
 } vs_law_values;
 
 /* The state at theta behind `base`, with all formulas in `it`. */
 VS_FUNCTION void vs_look_from(scene_model* m, scene_series* it, const scene_state* base,
-                              double theta, vs_law_values* found) {
+                              const vs_event* at, double theta, vs_law_values* found) {
   int i;
   m->now = *base;
-  vs_go(m, theta);
+  vs_go(m, VS_INSTANT(m, at, theta));
   vs_enter_inputs(m, it, 0);
   vs_enter_state(m, it);
   vs_at_once(it, 0);
   for (i = 0; i < S; ++i) found->torque[i] = it->row[torque_row[i]][0];
   for (i = 0; i < K; ++i) {
     const int row = (order_of[i] == 1 ? velocity_residual_row : residual_row)[i];
-    found->residual[i] = order_of[i] < 3 ? it->row[row][0] : 0.0;
+    found->residual[i] = order_of[i] < 3 ? it->row[row][0] : vs_zero;
   }
 }
 
@@ -256,7 +259,7 @@ VS_FUNCTION int vs_has_gap(const scene_model* m, const scene_series* it,
   int i, p;
   for (p = 0; p < K; ++p) {
     const double l = (after->residual[p] - before->residual[p]) / it->size[p];
-    const double* const x = order_of[p] == 1 ? m->now.velocity : m->now.acceleration;
+    const Real* const x = order_of[p] == 1 ? m->now.velocity : m->now.acceleration;
     for (i = 0; i < S && vs_is_on(it, p); ++i) {
       const double moved = vs_entry(it, p, i) * l / vs_inertia(it, i, i);
       if (!(fabs(moved) <= vs_tolerance(it, x[i]))) return 1;
@@ -268,11 +271,11 @@ VS_FUNCTION int vs_has_gap(const scene_model* m, const scene_series* it,
 /* f' jumps where f bends in time or angles: the accelerations follow it, C of the others turning
  * with them. */
 VS_FUNCTION scene_status vs_follow_kink(scene_model* m, scene_series* it) {
-  double dQ[MOST_SHAFTS], df[MOST_CONSTRAINTS + 1], u[MOST_INPUTS + 1];
+  Real dQ[MOST_SHAFTS], df[MOST_CONSTRAINTS + 1], u[MOST_INPUTS + 1];
   int i;
   vs_enter_state(m, it);
   for (i = 0; i < S; ++i) dQ[i] = 0.0;
-  for (i = 0; i < K; ++i) df[i] = order_of[i] == 1 ? it->row[residual_row[i]][0] : 0.0;
+  for (i = 0; i < K; ++i) df[i] = order_of[i] == 1 ? it->row[residual_row[i]][0] : vs_zero;
   for (i = 0; i < INPUTS; ++i) u[i] = vs_input_value(&m->now.input[i]);
   return vs_jump(m, it, u, 0, dQ, df);
 }
@@ -280,7 +283,7 @@ VS_FUNCTION scene_status vs_follow_kink(scene_model* m, scene_series* it) {
 /* Behind the event, the accelerations that go on from there. */
 VS_FUNCTION scene_status vs_settle_beyond(scene_model* m, scene_series* it, const vs_event* at,
                                           const vs_law_values* before, vs_law_values* after) {
-  double u[MOST_INPUTS + 1];
+  Real u[MOST_INPUTS + 1];
   scene_status status;
   int i;
   if (!vs_factor(it, 1, 3)) return SCENE_SINGULAR;
@@ -330,13 +333,13 @@ VS_FUNCTION void vs_bracket(scene_model* m, scene_series* it, const scene_state*
   int trial;
   for (trial = 0; trial < 60; ++trial, back *= 2.0) {
     low = seriesLarger(0.0, at->theta - back);
-    vs_look_from(m, it, base, low, before);
+    vs_look_from(m, it, base, at, low, before);
     if (low == 0.0) break;
     if (vs_distance(it, at) * at->side > 0.0 && vs_keeps_sides(vs_series(m), it)) break;
   }
   for (trial = 0; trial < 40; ++trial, ahead *= 2.0) {
     *theta = seriesSmaller(at->theta + ahead, end);
-    vs_look_from(m, it, base, *theta, after);
+    vs_look_from(m, it, base, at, *theta, after);
     if (vs_is_beyond(it, at)) break;
     if (*theta == end) {
       at->guard = -1;
@@ -346,7 +349,7 @@ VS_FUNCTION void vs_bracket(scene_model* m, scene_series* it, const scene_state*
   while (*theta - low > seriesLarger(2e-14 * at->theta, least)) {
     const double middle = 0.5 * (low + *theta);
     vs_law_values found;
-    vs_look_from(m, it, base, middle, &found);
+    vs_look_from(m, it, base, at, middle, &found);
     if (vs_is_beyond(it, at)) {
       *theta = middle;
     } else if (vs_distance(it, at) * at->side > 0.0 && vs_keeps_sides(vs_series(m), it)) {
@@ -370,7 +373,7 @@ VS_FUNCTION scene_status vs_cross(scene_model* m, scene_series* it, vs_event* at
   m->now = base;
   for (trial = 0; at->guard >= 0 && trial < 40; ++trial) {
     scene_status status;
-    vs_look_from(m, it, &base, *theta, &after);
+    vs_look_from(m, it, &base, at, *theta, &after);
     status = vs_settle_beyond(m, it, at, &before, &after);
     if (status != SCENE_OK) return status;
     vs_enter_state(m, it);

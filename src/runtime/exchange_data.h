@@ -4,13 +4,13 @@
 /* The closed form of an input, as scene_signal has it (inputs.h). */
 typedef struct {
   int form; /* 0 constant, 1 ramp, 2 exponential, 3 critical */
-  double start, target, slope, inverse_tau, linear, age, end;
+  SCENE_REAL start, target, slope, inverse_tau, linear, age, end;
 } vs_exchanged_signal;
 
 /* The state of an element that holds, beside its multiplier. */
 typedef struct {
   int mode, counts;
-  double side, heat;
+  SCENE_REAL side, heat;
 } vs_exchanged_hold;
 
 /* The past of a delayed formula: a ring of the polynomials of steps, the oldest one first. A piece
@@ -24,11 +24,11 @@ typedef struct {
 
 typedef struct {
   /* In, at a beginning; out, the end of the step */
-  double time, time_rest;     /* s; the sum counts */
-  double* state;              /* angles, velocities, accelerations: 3 S */
-  double* multiplier;         /* of gauss: where the iteration begins; K */
-  double* reaction;           /* at the start, S (of J(phi): R / sqrt(J)) */
-  double* longest;            /* that C J^-1 C' has been, K */
+  SCENE_REAL time, time_rest; /* s; the sum counts */
+  SCENE_REAL* state;          /* angles, velocities, accelerations: 3 S */
+  SCENE_REAL* multiplier;     /* of gauss: where the iteration begins; K */
+  SCENE_REAL* reaction;       /* at the start, S (of J(phi): R / sqrt(J)) */
+  SCENE_REAL* longest;        /* that C J^-1 C' has been, K */
   vs_exchanged_signal* input; /* INPUTS */
   vs_exchanged_hold* hold;    /* HOLDS */
   double usual;               /* the length that the next step may have, s; 0: unknown */
@@ -54,27 +54,27 @@ typedef struct {
 
 /* The series of a step. */
 typedef struct {
-  const double** rows; /* coefficients of angles, velocities, accelerations, torques; 4 S */
-  int last;            /* the order of the accelerations' */
-  double unit;         /* s */
-  double length;       /* s: that a step may have */
+  const SCENE_REAL** rows; /* coefficients of angles, velocities, accelerations, torques; 4 S */
+  int last;                /* the order of the accelerations' */
+  double unit;             /* s */
+  double length;           /* s: that a step may have */
 } vs_shown;
 
 /* An element that holds, at an instant (scene_sample). */
 typedef struct {
   int mode, counts;
-  double side, multiplier, torque, slip, reserve, heat;
+  SCENE_REAL side, multiplier, torque, slip, reserve, heat;
 } vs_seen_hold;
 
 /* The quantities of one instant that a host asks for. */
 typedef struct {
-  double *angle, *velocity, *acceleration, *torque;  /* Q; S each */
-  double *reaction, *reaction_rate, *covariant_rate; /* R, R', G; S */
-  double *residual, *multiplier;                     /* K */
-  double kinetic;                                    /* J */
-  vs_seen_hold* hold;                                /* of elements that hold, HOLDS */
-  double* on_shaft;                                  /* N m, of each on each shaft: HOLDS S */
-  double* input;                                     /* value, rate, second rate; 3 INPUTS */
+  SCENE_REAL *angle, *velocity, *acceleration, *torque;  /* Q; S each */
+  SCENE_REAL *reaction, *reaction_rate, *covariant_rate; /* R, R', G; S */
+  SCENE_REAL *residual, *multiplier;                     /* K */
+  SCENE_REAL kinetic;                                    /* J */
+  vs_seen_hold* hold;                                    /* of elements that hold, HOLDS */
+  SCENE_REAL* on_shaft;                                  /* N m, of each on each shaft: HOLDS S */
+  SCENE_REAL* input;                                     /* value, rate, second rate; 3 INPUTS */
 } vs_seen;
 
 /* The constants of a program whose text has none: machine code that scenes share. */

@@ -42,12 +42,13 @@ VS_FUNCTION int vs_continues(const scene_model* m, const scene_series* it, const
                              const Real* c, double made) {
   const double most = 64.0; /* units: the powers of a polynomial overflow in the end */
   const double age = vs_age(m, piece, 0.0), theta = made / it->unit;
-  double u[VS_STRIDE], power = 1.0, off = 0.0;
+  Real u[VS_STRIDE];
+  double power = 1.0, off = 0.0;
   int n;
   if (!(age + made <= most * piece[VS_UNIT])) return 0;
   vs_expand_piece(piece, age, it->unit, SCENE_ORDER, u);
   for (n = 0; n <= SCENE_ORDER; ++n, power *= theta)
-    off += (n + 1) * fabs(u[n] - (n <= it->order ? c[n] : 0.0)) * power;
+    off += (n + 1) * fabs(u[n] - (n <= it->order ? c[n] : vs_zero)) * power;
   return off <= 0.01 * vs_tolerance(it, c[0]);
 }
 
@@ -115,7 +116,7 @@ VS_FUNCTION scene_status vs_host_enter_past(vs_host* h, int* jumps) {
     const vs_past* const past = h->past + d;
     const int is_first = m->now.input[delay_input[d]].piece == 0;
     scene_signal* const s = next + delay_input[d];
-    const double before = is_first ? 0.0 : vs_input_value(s);
+    const double before = is_first ? 0.0 : (double)vs_input_value(s);
     double after;
     for (n = 0; n < past->count; ++n) {
       s->piece = vs_piece(past, n);
@@ -264,7 +265,7 @@ VS_FUNCTION int vs_host_is_still(const vs_host* h) {
   const double theta = h->made / it->unit;
   int c, n;
   for (c = 0; c < 2 * S + STATES; ++c) {
-    const double* const x = it->row[c < 2 * S ? ANGLE + c : STATE + c - 2 * S];
+    const Real* const x = it->row[c < 2 * S ? ANGLE + c : STATE + c - 2 * S];
     double power = theta, sum = 0.0;
     if (c >= 2 * S && !state_is_wanted[c - 2 * S]) continue;
     for (n = 1; n <= it->order; ++n, power *= theta) sum += fabs(x[n]) * power;
@@ -432,8 +433,8 @@ VS_FUNCTION double vs_host_work(const vs_host* h, double at, double* through) {
   for (k = 0; k <= 2 * last; ++k, power *= tau) weight[k] = power / (k + 1);
   *through = 0.0;
   for (i = 0; i < S; ++i) {
-    const double* const Q = it->row[torque_row[i]];
-    double own[VS_STRIDE], work;
+    const Real* const Q = it->row[torque_row[i]];
+    Real own[VS_STRIDE], work;
     for (j = 0; j <= last; ++j) own[j] = Q[0] * weight[j];
     for (k = 1; k <= last; ++k) {
       for (j = 0; j <= last; ++j) own[j] = vs_fuse(Q[k], weight[j + k], own[j]);

@@ -9,7 +9,7 @@ enum { VS_START, VS_START_REST, VS_LENGTH, VS_UNIT, VS_LAST, VS_PIECE };
 
 /* The polynomial of a piece, from `age` s behind its start, in powers of time / unit. */
 VS_FUNCTION void vs_expand_piece(const double* piece, double age, double unit, int order,
-                                 double* u) {
+                                 Real* u) {
   const int last = (int)piece[VS_LAST];
   const double theta = age / piece[VS_UNIT], ratio = unit / piece[VS_UNIT];
   double c[VS_STRIDE], power = 1.0;
@@ -23,13 +23,13 @@ VS_FUNCTION void vs_expand_piece(const double* piece, double age, double unit, i
 
 /* u up to `order`, in powers of time / unit: with x = age / tau,
        d^n/dx^n (a + b x) exp(-x) = (-1)^n (a + b x - n b) exp(-x) */
-VS_FUNCTION void vs_expand_input(const scene_signal* s, double unit, int order, double* u) {
+VS_FUNCTION void vs_expand_input(const scene_signal* s, double unit, int order, Real* u) {
   const int is_lag = s->form == VS_EXPONENTIAL || s->form == VS_CRITICAL;
-  const double x = s->age * s->inverse_tau;
-  const double a = s->start - s->target;
-  const double b = s->form == VS_CRITICAL ? s->linear : 0.0;
-  const double decay = is_lag ? expm1(-x) : 0.0;
-  double factor = is_lag ? 1.0 + decay : 0.0;
+  const Real x = s->age * s->inverse_tau;
+  const Real a = s->start - s->target;
+  const Real b = s->form == VS_CRITICAL ? s->linear : vs_zero;
+  const Real decay = is_lag ? expm1(-x) : vs_zero;
+  Real factor = is_lag ? 1.0 + decay : vs_zero;
   int n;
   if (s->form == VS_DELAYED) {
     vs_expand_piece(s->piece, s->age, unit, order, u);
@@ -41,18 +41,19 @@ VS_FUNCTION void vs_expand_input(const scene_signal* s, double unit, int order, 
     u[n] = (a + b * x - n * b) * factor;
   }
   if (s->form != VS_RAMP) return;
-  u[0] = s->age >= s->end ? s->target : s->start + s->slope * s->age;
-  if (s->slope > 0.0 ? u[0] > s->target : u[0] < s->target) u[0] = s->target;
+  u[0] = s->start + s->slope * s->age;
+  if (s->age >= s->end || (s->slope > 0.0 ? u[0] > s->target : u[0] < s->target))
+    VS_SET_VALUE(u[0], s->target);
   u[1] = unit * s->slope;
 }
 
-VS_FUNCTION double vs_input_value(const scene_signal* s) {
-  double u[2];
+VS_FUNCTION Real vs_input_value(const scene_signal* s) {
+  Real u[2];
   vs_expand_input(s, 1.0, 1, u);
   return u[0];
 }
 
-VS_FUNCTION void vs_hold_constant(scene_signal* s, double value) {
+VS_FUNCTION void vs_hold_constant(scene_signal* s, Real value) {
   s->form = VS_CONSTANT;
   s->start = s->target = value;
   s->slope = s->inverse_tau = s->linear = s->age = 0.0;
@@ -60,24 +61,24 @@ VS_FUNCTION void vs_hold_constant(scene_signal* s, double value) {
 }
 
 /* True when the value itself jumps. */
-VS_FUNCTION int vs_command_signal(scene_signal* s, int hold, double parameter, double target) {
+VS_FUNCTION int vs_command_signal(scene_signal* s, int hold, Real parameter, Real target) {
   const double settled = 50.0; /* time constants: exp(-50) of the way is less than rounding */
-  double u[2], present, rate;
+  Real u[2], present, rate;
   vs_expand_input(s, 1.0, 1, u);
   present = u[0];
   rate = u[1];
   vs_hold_constant(s, present);
   s->target = target;
   if (hold == VS_SECOND_ORDER_LAG) {
-    if (target == present && rate == 0.0) return 0;
+    if (VS_IS_SAME(target, present) && VS_IS_SAME(rate, 0.0)) return 0;
     s->form = VS_CRITICAL;
     s->inverse_tau = 1.0 / parameter;
     s->linear = present - target + parameter * rate;
     s->end = settled * parameter;
     return 0;
   }
-  if (target == present) return 0;
-  if (hold == VS_ZERO_ORDER) {
+  if (VS_IS_SAME(target, present)) return 0;
+  if (hold == VS_ZERO_ORDER || (hold == VS_RATE_LIMIT && target == present)) {
     vs_hold_constant(s, target);
     return 1;
   }
@@ -100,10 +101,10 @@ VS_FUNCTION int vs_command_signal(scene_signal* s, int hold, double parameter, d
 
 /* Coefficients up to `order` of the rows of inputs and of their rates. */
 VS_FUNCTION void vs_enter_inputs(const scene_model* m, scene_series* it, int order) {
-  double u[VS_STRIDE] = {0.0};
+  Real u[VS_STRIDE] = {0.0};
   int k, n, i = -1;
   for (k = 0; k < INPUT_ROW_COUNT; ++k) {
-    double* const row = it->row[input_row[k]];
+    Real* const row = it->row[input_row[k]];
     const int is_new = input_of_row[k] != i;
     const int moves = m->now.input[input_of_row[k]].form != VS_CONSTANT;
     i = input_of_row[k];
@@ -113,8 +114,8 @@ VS_FUNCTION void vs_enter_inputs(const scene_model* m, scene_series* it, int ord
     }
     if (is_new) vs_expand_input(&m->now.input[i], it->unit, order + 2, u);
     for (n = 0; n <= order; ++n) {
-      const double rate = (n + 1) * u[n + 1] / it->unit;
-      const double second = (n + 2) * (n + 1) * u[n + 2] / (it->unit * it->unit);
+      const Real rate = (n + 1) * u[n + 1] / it->unit;
+      const Real second = (n + 2) * (n + 1) * u[n + 2] / (it->unit * it->unit);
       row[n] = input_rate_of_row[k] == 0 ? u[n] : input_rate_of_row[k] == 1 ? rate : second;
     }
   }

@@ -4,7 +4,7 @@
 /* The sign of an event's function just behind the present: that of its series as soon as it is
  * further from 0 than the instant is known. */
 VS_FUNCTION int vs_side_of_event(const scene_model* m, const scene_series* it, int event) {
-  const double* const c = it->row[sign_row[FIRST_EVENT + event]];
+  const Real* const c = it->row[sign_row[FIRST_EVENT + event]];
   const double after = 64.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time) / it->unit;
   double value = c[0];
   if (it->order > 0) value += c[1] * after;
@@ -28,7 +28,7 @@ VS_FUNCTION scene_status vs_set_values(scene_model* m, const int* happened) {
     vs_enter_state(m, it);
     vs_at_once(it, 0);
     for (k = set_begin[e]; k < set_begin[e + 1]; ++k) {
-      const double value = it->row[set_row[k]][0];
+      const Real value = it->row[set_row[k]][0];
       if (!isfinite(value)) return SCENE_NOT_FINITE;
       vs_hold_constant(&m->now.input[set_input[k]], value);
     }

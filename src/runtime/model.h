@@ -3,7 +3,7 @@ typedef struct {
   scene_state begun; /* where series[present] begins */
   scene_series series[2];
   int present, is_begun;
-  double command[SCENE_INPUTS + 1];
+  SCENE_REAL command[SCENE_INPUTS + 1];
   int is_commanded[SCENE_INPUTS + 1];
   int has_moved, crossings;
   scene_status status;
@@ -13,7 +13,7 @@ typedef struct {
   double event; /* that the last step has passed, in units: from there on its end stands for all */
   double longest[SCENE_CONSTRAINTS + SCENE_HOLDS + 1]; /* that C J^-1 C' has been */
   long steps, rejections;
-  double memory[SCENE_SHAFTS]; /* the part of R that is not C' multiplier, while modes change */
+  SCENE_REAL memory[SCENE_SHAFTS]; /* the part of R that is not C' multiplier, while modes change */
   scene_event event_of[SCENE_MOST_EVENTS]; /* the last ones: number n at n % MOST_EVENTS */
   long events;
   int culprit; /* the element in another mode than it is to begin in, or -1 */

@@ -62,8 +62,8 @@ VS_FUNCTION_RARE scene_status vs_take_modes(scene_model* m, scene_series* it,
   vs_enter_inputs(m, it, 0);
   vs_enter_state(m, it);
   for (h = 0; h < HOLDS; ++h) {
-    const double limit = it->row[(m->now.side[h] > 0.0 ? upper_row : lower_row)[h]][0];
-    const double slides = it->row[slide_row[h]][0];
+    const Real limit = it->row[(m->now.side[h] > 0.0 ? upper_row : lower_row)[h]][0];
+    const Real slides = it->row[slide_row[h]][0];
     const int has_limit = m->now.side[h] > 0.0 ? has_upper[h] : has_lower[h];
     const int is_at_rest = fabs(it->row[slip_row[h]][0]) <= vs_slip_noise(it, h, 0);
     if (m->now.side[h] != 0.0 && has_limit && is_at_rest && limit / slides > 1.0)
@@ -102,7 +102,7 @@ VS_FUNCTION_RARE int vs_mode_by_slip(const scene_series* it, int h) {
 VS_FUNCTION_RARE int vs_guess_mode(const scene_model* m, const scene_series* it, int h) {
   const int by_slip = vs_mode_by_slip(it, h);
   if (has_gap[h]) {
-    const double gap = it->row[gap_row[h]][0];
+    const Real gap = it->row[gap_row[h]][0];
     const int is_open = gap > vs_condition_noise(it, h, VS_OF_GAP, 0, &gap);
     return is_open || by_slip == VS_FORWARD ? VS_FREE : VS_STUCK;
   }
@@ -242,7 +242,7 @@ VS_FUNCTION_RARE scene_status vs_find_modes(scene_model* m, scene_series* it,
 }
 
 /* The torque of element h at the state that was entered. */
-VS_FUNCTION_RARE double vs_transmits(const scene_model* m, const scene_series* it, int h) {
+VS_FUNCTION_RARE Real vs_transmits(const scene_model* m, const scene_series* it, int h) {
   return it->row[slide_row[h]][0] - m->now.multiplier[CONSTRAINTS + h];
 }
 
@@ -253,7 +253,7 @@ VS_FUNCTION_RARE void vs_tell_modes(scene_model* m, const scene_series* it) {
 }
 
 VS_FUNCTION_RARE void vs_note_events(scene_model* m, const scene_series* it, const int* before,
-                                     const double* impulse) {
+                                     const Real* impulse) {
   int h;
   for (h = 0; h < HOLDS; ++h) {
     scene_event* const event = &m->event_of[m->events % SCENE_MOST_EVENTS];
@@ -276,7 +276,7 @@ VS_FUNCTION_RARE void vs_note_events(scene_model* m, const scene_series* it, con
 VS_FUNCTION_RARE int vs_is_rigid(const scene_model* m, const scene_series* it, int h) {
   if (closes_below[h] > 0.0) return vs_guess_mode(m, it, h) == VS_STUCK;
   if (has_gap[h]) {
-    const double gap = it->row[gap_row[h]][0];
+    const Real gap = it->row[gap_row[h]][0];
     return gap <= vs_condition_noise(it, h, VS_OF_GAP, 0, &gap);
   }
   return !slides_backward[h];
@@ -287,8 +287,8 @@ VS_FUNCTION_RARE double vs_slowest_bounce(const scene_series* it) {
   return 0.1 * sqrt(vs_tolerance(it, 1.0));
 }
 
-VS_FUNCTION_RARE scene_status vs_collide(scene_model* m, scene_series* it, double* impulse) {
-  double slip[MOST_HOLDS + 1], after[MOST_HOLDS + 1], x[MOST_SIZE];
+VS_FUNCTION_RARE scene_status vs_collide(scene_model* m, scene_series* it, Real* impulse) {
+  Real slip[MOST_HOLDS + 1], after[MOST_HOLDS + 1], x[MOST_SIZE];
   int hits = 0, h, i, round;
   for (h = 0; h < HOLDS; ++h) {
     if (vs_is_loss(it, h)) m->now.side[h] = 0.0;
@@ -302,7 +302,7 @@ VS_FUNCTION_RARE scene_status vs_collide(scene_model* m, scene_series* it, doubl
     impulse[h] = 0.0;
     it->counts[h] = rigid && (closes_below[h] > 0.0 ? fabs(slip[h]) > noise : slip[h] < -noise);
     hits += it->counts[h];
-    after[h] = slip[h] < -vs_slowest_bounce(it) ? -restitution[h] * slip[h] : 0.0;
+    after[h] = slip[h] < -vs_slowest_bounce(it) ? -restitution[h] * slip[h] : vs_zero;
   }
   for (round = 0; round < 5 * HOLDS + 5 && hits > 0; ++round) {
     int wrong = -1;
@@ -346,7 +346,7 @@ VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   scene_series* const it = &m->series[1 - m->present];
   const scene_state before = m->now;
   scene_state from;
-  double impulse[MOST_HOLDS + 1];
+  Real impulse[MOST_HOLDS + 1];
   scene_status status;
   int told[MOST_HOLDS + 1];
   int i, p;
@@ -403,11 +403,11 @@ VS_FUNCTION_RARE scene_status vs_decide_first(scene_model* m) {
 }
 
 /* The torque, N m, that element h would hold beyond the one it holds. */
-VS_FUNCTION_RARE double vs_reserve(const scene_model* m, const scene_series* it, int h) {
-  const double T = vs_transmits(m, it, h);
+VS_FUNCTION_RARE Real vs_reserve(const scene_model* m, const scene_series* it, int h) {
+  const Real T = vs_transmits(m, it, h);
   Real c[VS_STRIDE];
   if (vs_is_loss(it, h) && m->now.mode[h] == VS_STUCK) {
-    double least = INFINITY;
+    Real least = INFINITY;
     int s;
     for (s = -1; s <= 1; s += 2) {
       vs_margin(it, h, s, vs_line(it, h, s, 0), 0, c);
@@ -415,7 +415,7 @@ VS_FUNCTION_RARE double vs_reserve(const scene_model* m, const scene_series* it,
     }
     return least;
   }
-  const double upper = has_upper[h] ? it->row[upper_row[h]][0] - T : INFINITY;
-  const double lower = has_lower[h] ? T - it->row[lower_row[h]][0] : INFINITY;
-  return m->now.mode[h] == VS_STUCK ? fmin(lower, upper) : 0.0;
+  const Real upper = has_upper[h] ? it->row[upper_row[h]][0] - T : (Real)INFINITY;
+  const Real lower = has_lower[h] ? T - it->row[lower_row[h]][0] : (Real)INFINITY;
+  return m->now.mode[h] == VS_STUCK ? fmin(lower, upper) : vs_zero;
 }

@@ -36,13 +36,27 @@
 #else
 #define VS_UNROLL
 #endif
+#ifndef VS_TANGENTS
 typedef double Real;
+#endif
+/* Programs that carry derivatives define these: numbers are equal with all of them, a value changes
+ * without them, and an instant of a step, theta, has those of its event. */
+#ifndef VS_IS_SAME
+#define VS_IS_SAME(a, b) ((a) == (b))
+#define VS_SET_VALUE(x, to) ((x) = (to))
+#define VS_INSTANT(m, at, theta) ((void)(at), (theta))
+#define VS_PLAIN(array, count) (array)
+#define VS_CONVERGED 1e-8
+#define VS_CONVERGES_LATE 0
+#define VS_JUDGED(x, n, part, allowed) (fabs((x)[n]) * (allowed))
+#define VS_MAY_END_EARLY 1
+#endif
 typedef Real vs_row[VS_STRIDE];
 enum { VS_KEPT = VS_STRIDE - 1 };
 static const Real vs_zero = {0.0};
 
 /* Sums of products go by fours, in the same order with vectors and without. */
-#if defined(__GNUC__)
+#if defined(__GNUC__) && !defined(VS_TANGENTS)
 typedef double vs_four __attribute__((vector_size(32), aligned(8), may_alias));
 #define VS_HAS_FOURS
 #if !defined(__cplusplus)
@@ -92,6 +106,7 @@ VS_INLINE Real vs_fuse(Real a, Real b, Real c) {
 #endif
 
 /* sum_{k=from..to} a_k b_{n-k} */
+#ifndef VS_TANGENTS
 VS_INLINE Real vs_total(const Real* a, const Real* b, int n, int from, int to) {
   Real sum = vs_zero;
   int k = from;
@@ -117,6 +132,7 @@ VS_INLINE Real vs_total(const Real* a, const Real* b, int n, int from, int to) {
   for (; k <= to; ++k) sum = vs_fuse(a[k], b[n - k], sum);
   return sum;
 }
+#endif
 
 /* sum_{k<count} a_k b_k */
 VS_INLINE Real vs_dot(const Real* a, const Real* b, int count) {
@@ -266,7 +282,7 @@ VS_INLINE void vs_find_tanh(Real x, Real* y, Real* w) {
     q = 1.0 + less;
   }
   part = 1.0 / (2.0 + less);
-  *y = copysign(-less * part, x);
+  *y = x < 0.0 ? less * part : -less * part;
   *w = 4.0 * q * part * part;
 }
 
@@ -325,31 +341,31 @@ VS_INLINE void vs_power(Real* y, const Real* x, const Real* rate, int last, Real
  * 0 to all known orders; the first coefficient that is not 0 decides it, which is the direction
  * that the motion takes. ---- */
 
-VS_INLINE Real vs_mode(Real* mode, Real a, Real b, int n) {
+VS_INLINE double vs_mode(double* mode, double a, double b, int n) {
   if (n == 0) *mode = 0.0;
   if (*mode == 0.0) *mode = a < b ? -1.0 : a > b ? 1.0 : a - b;
   return *mode;
 }
 
 /* |a| */
-VS_INLINE void vs_absolute(Real* y, const Real* a, Real* mode, int n) {
+VS_INLINE void vs_absolute(Real* y, const Real* a, double* mode, int n) {
   y[n] = vs_mode(mode, a[n], 0.0, n) * a[n];
 }
 
 /* -1, 0, 1 or NaN */
 VS_INLINE void vs_sign(Real* y, const Real* a, int n) {
-  y[n] = n > 0 ? 0.0 : a[0] > 0.0 ? 1.0 : a[0] < 0.0 ? -1.0 : a[0];
+  y[n] = n > 0 ? 0.0 : a[0] > 0.0 ? 1.0 : a[0] < 0.0 ? -1.0 : (double)a[0];
 }
 
 /* a <= b ? yes : no, and with a and b for these min(a, b) or max(a, b); NaN where the two cannot
  * be compared. On the edge of a jump the formula's own value decides, and stays. */
 VS_INLINE void vs_choose(Real* y, const Real* a, const Real* b, const Real* yes, const Real* no,
-                         Real* mode, int n) {
+                         double* mode, int n) {
   if (vs_mode(mode, a[n], b[n], n) == 0.0 && yes[0] != no[0]) *mode = -1.0;
-  y[n] = *mode != *mode ? *mode : *mode <= 0.0 ? yes[n] : no[n];
+  y[n] = *mode != *mode ? (Real)*mode : *mode <= 0.0 ? yes[n] : no[n];
 }
 
 /* b, but 0 where a is infinite */
 VS_INLINE void vs_where_finite(Real* y, const Real* a, const Real* b, int n) {
-  y[n] = isinf(a[0]) ? 0.0 : isnan(a[0]) ? a[0] : b[n];
+  y[n] = isinf(a[0]) ? vs_zero : isnan(a[0]) ? a[0] : b[n];
 }

@@ -63,7 +63,7 @@ VS_FUNCTION_INLINE Real vs_constraint_rest(const scene_series* it, int p, int n)
 /* b = J^-1 R of order n, of the connection 1/2 J' omega b, or B b, in R' */
 VS_FUNCTION void vs_note_pull(scene_series* it, int n) {
   vs_row* const r = it->row;
-  double b[MOST_SHAFTS] = {0.0}, y[MOST_SHAFTS];
+  Real b[MOST_SHAFTS] = {0.0}, y[MOST_SHAFTS];
   int i, j, k;
   for (i = 0; i < S; ++i) {
     b[i] = r[inertial_row[i]][n] - r[torque_row[i]][n];
@@ -146,7 +146,7 @@ VS_FUNCTION void vs_extend(scene_series* it) {
 
 /* Order 0 of all formulas is known. gauss: of the multipliers, too. is_factored: of the last
  * correction of the accelerations, which changes what matters only where C turns with them. */
-VS_FUNCTION int vs_begin(scene_series* it, const double* lambda, int is_factored) {
+VS_FUNCTION int vs_begin(scene_series* it, const Real* lambda, int is_factored) {
   it->order = 0;
   if (!is_factored || ENTRIES_TURN || IS_CURVED) {
     if (IS_CLASSICAL ? !vs_factor_curved(it, lambda, 1, 3) : !vs_factor(it, 1, 3)) return 0;
@@ -227,13 +227,13 @@ VS_FUNCTION int vs_is_nothing(const scene_series* it, double theta) {
   int c, n;
   for (n = 1; n < last; ++n) power *= theta;
   for (c = 0; c < WATCHED; ++c) {
-    const double* const x = it->row[watched_row[c]];
+    const Real* const x = it->row[watched_row[c]];
     const double term = fabs(x[it->order]) * (IS_CLASSICAL ? power / theta : power);
     if (!(term <= 1e-3 * vs_tolerance(it, x[0]))) return 0;
     if (!(term <= 1e-6 * seriesLarger(fabs(x[0]), fabs(x[1]) * theta))) return 0;
   }
   for (c = FIRST_JUDGED; c < COMPONENTS + STATES; ++c) {
-    const double* const x = it->row[c < COMPONENTS ? ANGLE + c : STATE + c - COMPONENTS];
+    const Real* const x = it->row[c < COMPONENTS ? ANGLE + c : STATE + c - COMPONENTS];
     const double term = fabs(x[last]) * power;
     if (!(term <= 1e-3 * vs_tolerance(it, x[0]))) return 0;
     if (!(term <= 1e-6 * seriesLarger(fabs(x[0]), fabs(x[1]) * theta))) return 0;
@@ -251,10 +251,10 @@ VS_FUNCTION_INLINE double vs_log_length(const scene_series* it, int first, int c
   double last = 0.0, before = 0.0;
   int c;
   for (c = first; c < first + count; ++c) {
-    const double* const x = it->row[c];
+    const Real* const x = it->row[c];
     const double allowed = part / vs_tolerance(it, x[0]);
-    last = seriesLarger(last, fabs(x[n]) * allowed);
-    before = seriesLarger(before, fabs(x[n - 1]) * allowed);
+    last = seriesLarger(last, VS_JUDGED(x, n, part, allowed));
+    before = seriesLarger(before, VS_JUDGED(x, n - 1, part, allowed));
   }
   return seriesSmaller(-log(last) / n, -log(before * decay) / (n - 1));
 }
@@ -291,7 +291,7 @@ VS_FUNCTION double vs_choose_length(const scene_series* it, double limit) {
 VS_FUNCTION scene_status vs_expand(scene_model* m, double limit) {
   scene_series* const it = vs_series(m);
   double unit = m->usual > 0.0 ? seriesSmaller(m->usual, limit) : limit;
-  const int is_short = limit < 0.5 * m->usual;
+  const int is_short = VS_MAY_END_EARLY && limit < 0.5 * m->usual;
   int trial, i;
   for (trial = 0; trial < 12; ++trial, unit *= 1.0 / 64.0) {
     int small = 0, is_resolved = 0;

@@ -1,26 +1,27 @@
 /* States on the constraints: velocities on f = 0, accelerations on psi = 0 or of least reaction. */
 
 /* Newton's iteration: the correction that was made to S values is small enough. */
-VS_FUNCTION int vs_has_converged(const double* values, const double* change, double* previous) {
+VS_FUNCTION int vs_has_converged(const Real* values, const Real* change, double* previous) {
   double size = 0.0;
   double length = 0.0;
   int i, ends;
+  if (*previous < 0.0) return 1; /* the round that derivatives took beyond */
   for (i = 0; i < S; ++i) {
     size = seriesLarger(size, fabs(change[i]));
     length = seriesLarger(length, fabs(values[i]));
     if (!isfinite(values[i])) return 0;
   }
-  ends = size <= 1e-8 * length || size == 0.0;
+  ends = size <= VS_CONVERGED * length || size == 0.0;
   /* Rounding keeps corrections to tiny values from shrinking. */
   ends = ends || (size >= 0.5 * *previous && size <= 1e-12 * (length + 1.0));
-  *previous = size;
-  return ends;
+  *previous = ends && VS_CONVERGES_LATE ? -1.0 : size;
+  return ends && !VS_CONVERGES_LATE;
 }
 
 /* Moves the velocities onto f = 0 of the constraints of order 1: x = -J^-1 C' (C J^-1 C')^-1 f. */
 VS_FUNCTION scene_status vs_project_velocities(scene_model* m, scene_series* it) {
   double previous = INFINITY;
-  double x[MOST_SIZE];
+  Real x[MOST_SIZE];
   int i, round;
   for (round = 0; round < 25 && HAS_ORDER_1; ++round) {
     vs_enter_state(m, it);
@@ -28,7 +29,7 @@ VS_FUNCTION scene_status vs_project_velocities(scene_model* m, scene_series* it)
     if (!vs_factor(it, 1, 1)) return SCENE_SINGULAR;
     for (i = 0; i < S; ++i) x[i] = 0.0;
     for (i = 0; i < K; ++i)
-      x[S + i] = order_of[i] == 1 ? -it->row[velocity_residual_row[i]][0] : 0.0;
+      x[S + i] = order_of[i] == 1 ? -it->row[velocity_residual_row[i]][0] : vs_zero;
     vs_solve(it, x);
     for (i = 0; i < S; ++i) m->now.velocity[i] += x[i];
     if (vs_has_converged(m->now.velocity, x, &previous)) return SCENE_OK;
@@ -45,8 +46,8 @@ enum {
 
 /* The right-hand side a, g of a correction; order 3 has nothing that could be 0. */
 VS_FUNCTION void vs_find_rest(const scene_model* m, const scene_series* it, int what,
-                              const double* lambda, double* x) {
-  double R[MOST_SHAFTS];
+                              const Real* lambda, Real* x) {
+  Real R[MOST_SHAFTS];
   int e, i, p;
   if (what != VS_ONTO_CONSTRAINTS) vs_reaction(it, R);
   for (i = 0; i < S; ++i) {
@@ -54,11 +55,11 @@ VS_FUNCTION void vs_find_rest(const scene_model* m, const scene_series* it, int 
     if (what == VS_LEAST_REACTION || what == VS_DECIDED) x[i] = -R[i];
     if (what == VS_DECIDED) x[i] += m->memory[i];
     if (what == VS_RESTORES && is_neutral[i]) {
-      x[i] = (INERTIA_VARIES ? sqrt(vs_inertia(it, i, i)) : 1.0) * m->now.reaction[i] - R[i];
+      x[i] = (INERTIA_VARIES ? sqrt(vs_inertia(it, i, i)) : (Real)1.0) * m->now.reaction[i] - R[i];
     }
   }
   for (p = 0; p < K; ++p) {
-    x[S + p] = order_of[p] < 3 ? -it->row[residual_row[p]][0] : 0.0;
+    x[S + p] = order_of[p] < 3 ? -it->row[residual_row[p]][0] : vs_zero;
     for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
       const int is_base =
           TRANSMITS && (what == VS_DECIDED || (what == VS_RESTORES && is_neutral[entry_shaft[e]]));
@@ -70,18 +71,18 @@ VS_FUNCTION void vs_find_rest(const scene_model* m, const scene_series* it, int 
 
 /* The multipliers of generalized_gauss that corrections of the accelerations move: with elements
  * that hold, what these transmit is a part of the state. */
-VS_FUNCTION double* vs_transmitted(scene_model* m) {
+VS_FUNCTION Real* vs_transmitted(scene_model* m) {
   return TRANSMITS ? m->now.multiplier : 0;
 }
 
 /* Newton's iteration for the accelerations (and lambda, where it is not 0), from those of the
  * state. `share` of `left` may remain. Afterwards all formulas are those of the state. A last
  * correction, whose square is below rounding, is added to the formulas by their slopes. */
-VS_FUNCTION scene_status vs_settle(scene_model* m, scene_series* it, int what, double* lambda,
-                                   const double* left, double share, int rounds) {
+VS_FUNCTION scene_status vs_settle(scene_model* m, scene_series* it, int what, Real* lambda,
+                                   const Real* left, double share, int rounds) {
   const int high = what == VS_LEAST_REACTION ? 2 : 3;
   double previous = INFINITY;
-  double x[MOST_SIZE];
+  Real x[MOST_SIZE];
   int i;
   vs_enter_state(m, it);
   for (; rounds > 0; --rounds) {
@@ -109,7 +110,7 @@ VS_FUNCTION scene_status vs_settle(scene_model* m, scene_series* it, int what, d
 /* The accelerations of least reaction after a jump: by parts of it, each so short that the
  * iteration hardly has to search, for the motion to stay on its branch. */
 VS_FUNCTION scene_status vs_follow_least_reaction(scene_model* m, scene_series* it) {
-  double left[MOST_SIZE];
+  Real left[MOST_SIZE];
   double done = 0.0;
   double part = 1.0;
   vs_enter_state(m, it);
@@ -154,8 +155,8 @@ VS_FUNCTION void vs_note_reaction(scene_model* m, scene_series* it) {
 
 /* At theta of the path from the inputs u0 to u0 + du; df: how f' of the constraints of order 1
  * jumps, or 0. */
-VS_FUNCTION int vs_jump_rate(scene_model* m, scene_series* it, double theta, const double* u0,
-                             const double* du, const double* dQ, const double* df, double* x) {
+VS_FUNCTION int vs_jump_rate(scene_model* m, scene_series* it, double theta, const Real* u0,
+                             const Real* du, const Real* dQ, const Real* df, Real* x) {
   int i, k, p;
   for (k = 0; k < INPUT_ROW_COUNT; ++k) {
     i = input_of_row[k];
@@ -165,7 +166,7 @@ VS_FUNCTION int vs_jump_rate(scene_model* m, scene_series* it, double theta, con
   vs_enter_state(m, it);
   if (!vs_factor(it, 1, 3)) return 0;
   for (i = 0; i < S; ++i) x[i] = dQ[i];
-  for (p = 0; p < K; ++p) x[S + p] = df == 0 ? 0.0 : -df[p];
+  for (p = 0; p < K; ++p) x[S + p] = df == 0 ? vs_zero : -df[p];
   if (du != 0) {
     vs_at_once(it, 0);
     for (p = 0; p < K; ++p) {
@@ -180,8 +181,8 @@ VS_FUNCTION int vs_jump_rate(scene_model* m, scene_series* it, double theta, con
  * Runge-Kutta formulae, J. Comp. Appl. Math. 6 (1980) 19-26; its error in a tenth of the tolerance.
  * False where C has lost rank. */
 VS_FUNCTION int vs_step_of_path(scene_model* m, scene_series* it, double theta, double h,
-                                const double* u0, const double* du, const double* dQ,
-                                const double* df, double* norm) {
+                                const Real* u0, const Real* du, const Real* dQ, const Real* df,
+                                double* norm) {
   static const double a[6][6] = {
       {0.2, 0, 0, 0, 0, 0},
       {3.0 / 40, 9.0 / 40, 0, 0, 0, 0},
@@ -192,14 +193,14 @@ VS_FUNCTION int vs_step_of_path(scene_model* m, scene_series* it, double theta, 
   static const double c[6] = {0.2, 0.3, 0.8, 8.0 / 9, 1.0, 1.0};
   static const double e[7] = {71.0 / 57600,      0,          -71.0 / 16695, 71.0 / 1920,
                               -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
-  double k[7][MOST_SIZE];
-  double begin[MOST_SHAFTS];
+  Real k[7][MOST_SIZE];
+  Real begin[MOST_SHAFTS];
   int i, j, n, p;
   for (i = 0; i < S; ++i) begin[i] = m->now.acceleration[i];
   if (!vs_jump_rate(m, it, theta, u0, du, dQ, df, k[0])) return 0;
   for (n = 0; n < 6; ++n) {
     for (i = 0; i < S; ++i) {
-      double sum = 0.0;
+      Real sum = 0.0;
       for (j = 0; j <= n; ++j) sum += a[n][j] * k[j][i];
       m->now.acceleration[i] = begin[i] + h * sum;
     }
@@ -218,11 +219,11 @@ VS_FUNCTION int vs_step_of_path(scene_model* m, scene_series* it, double theta, 
   return 1;
 }
 
-VS_FUNCTION scene_status vs_jump(scene_model* m, scene_series* it, const double* u0,
-                                 const double* du, const double* dQ, const double* df) {
+VS_FUNCTION scene_status vs_jump(scene_model* m, scene_series* it, const Real* u0, const Real* du,
+                                 const Real* dQ, const Real* df) {
   double theta = 0.0;
   double h = 0.1;
-  double x[MOST_SIZE];
+  Real x[MOST_SIZE];
   int i, steps;
   if (JUMPS_STRAIGHT) { /* C depends on no acceleration and no input */
     if (!vs_jump_rate(m, it, 0.0, u0, 0, dQ, df, x)) return SCENE_SINGULAR;

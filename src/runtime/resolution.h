@@ -33,9 +33,12 @@ VS_FUNCTION_RARE int vs_is_resolved_in_ranges(const scene_series* it, double the
                                         STATES,
                                         STATE,
                                         rate_row};
-  struct SeriesResolution asked = {resolved,  RESOLVED, it->row[0], VS_STRIDE, it->mode,
-                                   it->piece, ranges,   SCENE_ROWS, &outputs,  {0, 0, 0},
-                                   it->order, theta,    {0.0}};
+  struct SeriesResolution asked = {
+      resolved,  RESOLVED,   VS_PLAIN(it->row[0], SCENE_ROWS * VS_STRIDE),
+      VS_STRIDE, it->mode,   VS_PLAIN(it->piece, SCENE_PIECES),
+      ranges,    SCENE_ROWS, &outputs,
+      {0, 0, 0}, it->order,  theta,
+      {0.0}};
   for (i = 0; i < S; ++i) {
     velocity[i] = VELOCITY + i;
     acceleration[i] = ACCELERATION + i;

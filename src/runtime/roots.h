@@ -100,7 +100,7 @@ static Real vs_first_root(const Real* c, int n, Real end) {
 }
 
 /* The first coefficient that is not 0: it has the sign that p has just behind 0. */
-VS_INLINE double vs_first_sign(const double* c, int last) {
+VS_INLINE double vs_first_sign(const Real* c, int last) {
   int n;
   for (n = 0; n < last && c[n] == 0.0; ++n) continue;
   return c[n];

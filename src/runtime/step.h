@@ -123,11 +123,11 @@ VS_FUNCTION int vs_has_leapt(const scene_model* m, const scene_state* before,
 }
 
 /* Moves to theta, onto the constraints; *expected: the state before that. */
-VS_FUNCTION scene_status vs_move_to(scene_model* m, const scene_state* before, double theta,
-                                    scene_state* expected) {
+VS_FUNCTION scene_status vs_move_to(scene_model* m, const scene_state* before, const vs_event* at,
+                                    double theta, scene_state* expected) {
   const double h = theta * vs_series(m)->unit;
   m->now = *before;
-  vs_go(m, theta);
+  vs_go(m, VS_INSTANT(m, at, theta));
   *expected = m->now;
   return vs_arrive(m, &m->series[1 - m->present], vs_unit_of(seriesLarger(h, 0.25 * m->usual)),
                    SCENE_ORDER);
@@ -140,14 +140,14 @@ VS_FUNCTION scene_status vs_move_behind(scene_model* m, const scene_state* befor
   scene_series* const next = &m->series[1 - m->present];
   const double passed = vs_shortly_behind(m, at);
   vs_law_values unused;
-  if (passed <= *theta && vs_move_to(m, before, passed, expected) == SCENE_OK &&
+  if (passed <= *theta && vs_move_to(m, before, at, passed, expected) == SCENE_OK &&
       vs_is_beyond(next, at)) {
     *theta = passed;
     return SCENE_OK;
   }
   m->now = *before;
   vs_bracket(m, next, before, at, theta, &unused, &unused);
-  return vs_move_to(m, before, *theta, expected);
+  return vs_move_to(m, before, at, *theta, expected);
 }
 
 /* Moves to theta or behind an event. *defect: see vs_defect. */
@@ -158,7 +158,7 @@ VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, dou
   const scene_state before = m->now;
   scene_state expected;
   const scene_status status = at->guard >= 0 ? vs_move_behind(m, &before, at, theta, &expected)
-                                             : vs_move_to(m, &before, *theta, &expected);
+                                             : vs_move_to(m, &before, at, *theta, &expected);
   int i, is_kink;
   if (status != SCENE_OK) return status;
   is_kink = at->guard >= 0;

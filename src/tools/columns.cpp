@@ -82,6 +82,7 @@ std::vector<std::string> columnNames(const Simulation& simulation, const ColumnG
   }
   if (groups.energy)
     names.insert(names.end(), std::begin(kEnergyColumns), std::end(kEnergyColumns));
+  names.insert(names.end(), groups.derivatives.begin(), groups.derivatives.end());
   return names;
 }
 
@@ -100,6 +101,7 @@ RowMaker::RowMaker(const Simulation& simulation, const ColumnGroups& groups)
       has_energy_(groups.energy),
       shaft_count_(simulation.scene().shaftCount()),
       constraint_count_(simulation.scene().constraintCount()),
+      derivative_count_(groups.derivatives.size()),
       column_count_(columnNames(simulation, groups).size()) {
   for (const QuantityGroup group : groups.quantities) {
     const std::size_t count = simulation.quantityNames(group).size();
@@ -109,6 +111,7 @@ RowMaker::RowMaker(const Simulation& simulation, const ColumnGroups& groups)
     }
     quantity_count_ += count;
   }
+  quantity_count_ += derivative_count_;
 }
 
 void RowMaker::write(const Sample& sample, const double* quantities, double* row) const {
@@ -138,7 +141,8 @@ void RowMaker::write(const Sample& sample, const double* quantities, double* row
     *row++ = sample.state_error[i];
   }
   const std::size_t told = first_state_ + state_count_;
-  row = std::copy_n(quantities + told, quantity_count_ - told, row);
+  const std::size_t derivatives = quantity_count_ - derivative_count_;
+  row = std::copy_n(quantities + told, derivatives - told, row);
   if (has_energy_) {
     const Energy& energy = sample.energy;
     for (const double value : {energy.kinetic, energy.applied, energy.reactions,
@@ -146,6 +150,7 @@ void RowMaker::write(const Sample& sample, const double* quantities, double* row
       *row++ = value;
     }
   }
+  std::copy_n(quantities + derivatives, derivative_count_, row);
 }
 
 }  // namespace variator_sim

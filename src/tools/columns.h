@@ -18,6 +18,7 @@ struct ColumnGroups {
   bool errors = false;                    ///< estimated, beside those of the state
   std::vector<QuantityGroup> quantities;  ///< in their own order
   bool energy = false;
+  std::vector<std::string> derivatives;  ///< names of their columns (Sensitivity)
 };
 
 /// Reads a list such as "state,energy", each group once. Throws std::invalid_argument.
@@ -48,6 +49,7 @@ class RowMaker {
   std::size_t quantity_count_ = 0;
   std::size_t first_state_ = 0;  ///< of the quantities with errors
   std::size_t state_count_ = 0;
+  std::size_t derivative_count_;
   std::size_t column_count_ = 1;
 };
 

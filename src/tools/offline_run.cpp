@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "model/number_text.h"
+#include "tools/sensitivity.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/simulation.h"
 
@@ -94,6 +95,7 @@ OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
 
 bool OfflineRun::reach(double time) {
   if (time <= simulation_.time()) return true;
+  if (sensitivity_ != nullptr) sensitivity_->follow(simulation_);
   const bool goes_on = simulation_.advanceTo(time).ok();
   takeEvents();
   return goes_on && simulation_.time() >= time;  // not interrupted
@@ -107,6 +109,7 @@ void OfflineRun::takeEvents() {
 void OfflineRun::applyCommands() {
   while (next_command_ < commands_.size() && commands_[next_command_].time <= simulation_.time()) {
     const ResolvedCommand& command = commands_[next_command_++];
+    if (sensitivity_ != nullptr) sensitivity_->command(simulation_, command.input, command.value);
     if (simulation_.command(command.input, command.value) == CommandResult::kRefused &&
         ++refused_count_ == 1) {
       first_refused_line_ = command.line;
@@ -140,6 +143,10 @@ void OfflineRun::addSample(SampleBlock& block) {
     block.quantities.resize(begin + simulation_.quantityNames(group).size());
     simulation_.calcQuantities(group, block.quantities.data() + begin);
   }
+  if (sensitivity_ == nullptr) return;
+  const std::size_t begin = block.quantities.size();
+  block.quantities.resize(begin + sensitivity_->names().size());
+  sensitivity_->calc(simulation_, block.quantities.data() + begin);
 }
 
 double OfflineRun::nextEvent() const {

@@ -17,6 +17,7 @@
 
 namespace variator_sim {
 
+class Sensitivity;
 class Simulation;
 struct Scene;
 
@@ -67,6 +68,8 @@ class OfflineRun {
   const std::vector<ModeEvent>& events() const { return events_; }
   /// Calls `look` at each sample, where the simulation stands.
   void lookAt(std::function<void(const Sample&)> look) { look_ = std::move(look); }
+  /// Adds derivatives to samples, behind the quantities; they have to outlive the run.
+  void differentiate(Sensitivity* by) { sensitivity_ = by; }
   /// Adds the quantities of these groups to samples.
   void observe(const std::vector<QuantityGroup>& groups);
 
@@ -109,6 +112,7 @@ class OfflineRun {
   RestWatch rest_;
   std::function<void(const Sample&)> look_;
   std::vector<QuantityGroup> groups_;
+  Sensitivity* sensitivity_ = nullptr;
   std::vector<ModeEvent> events_;
   std::size_t next_command_ = 0;
   std::size_t ignored_count_ = 0;

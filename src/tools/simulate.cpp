@@ -24,6 +24,7 @@
 #include "tools/progress_bar.h"
 #include "tools/python_file.h"
 #include "tools/sample_writer.h"
+#include "tools/sensitivity.h"
 #include "tools/simulate_options.h"
 #include "tools/state_file.h"
 #include "variator_sim/errors.h"
@@ -150,7 +151,14 @@ std::vector<ResolvedCommand> readCommands(const SimulateOptions& options, const 
   return resolveCommands(readCommandFile(options.commands_path), scene, options.commands_path);
 }
 
-Simulation loadSimulation(const SimulateOptions& options) {
+Scene readTree(const ParameterTree& tree) {
+  PluginlibComponentFactory factory;
+  return readScene(tree, factory, nodeNames());
+}
+
+/// Returns what `use` makes of the scene's tree; faults name their source.
+template <class Use>
+auto useTree(const SimulateOptions& options, const Use& use) {
   ParameterTree tree = readYamlFile(options.scene_path);
   std::string source = options.scene_path;  // of the fault
   try {
@@ -158,11 +166,14 @@ Simulation loadSimulation(const SimulateOptions& options) {
     if (!options.overrides.empty()) source = "--set";
     for (const std::string& text : options.overrides) applyOverride(tree, text);
     source = options.scene_path + (options.overrides.empty() ? "" : " with --set");
-    PluginlibComponentFactory factory;
-    return Simulation(readScene(tree, factory, nodeNames()));
+    return use(tree);
   } catch (const SceneError& error) {
     throw SceneError("", source + ": " + error.what());
   }
+}
+
+Simulation loadSimulation(const SimulateOptions& options) {
+  return useTree(options, [](const ParameterTree& tree) { return Simulation(readTree(tree)); });
 }
 
 /// Chooses machine code for the scene's formulas: from the cache, or compiled if the scene requires
@@ -382,12 +393,14 @@ class NoWriter final : public SampleWriter {
   void close() override {}
 };
 
+/// `columns`: those of the options, and derivatives.
 std::unique_ptr<SampleWriter> makeWriter(const Simulation& simulation,
-                                         const SimulateOptions& options) {
+                                         const SimulateOptions& options,
+                                         const ColumnGroups& columns) {
   if (options.check_minimum && options.output_path.empty()) return std::make_unique<NoWriter>();
   return options.format == OutputFormat::kBag
-             ? makeBagWriter(options.output_path, simulation, options.columns)
-             : makeCsvWriter(options.output_path, simulation, options.columns);
+             ? makeBagWriter(options.output_path, simulation, columns)
+             : makeCsvWriter(options.output_path, simulation, columns);
 }
 
 /// Runs, and checks the principle at each sample.
@@ -395,13 +408,31 @@ int runChecked(Simulation& simulation, OfflineRun& offline_run, const SimulateOp
                const Span& span) {
   MinimumWatch watch(simulation, !options.curves_path.empty());
   offline_run.lookAt([&watch](const Sample& sample) { watch.look(sample); });
-  const int status = run(simulation, offline_run, *makeWriter(simulation, options), options, span);
+  const int status = run(simulation, offline_run, *makeWriter(simulation, options, options.columns),
+                         options, span);
   bool is_least = true;
   writeOutput("", watch.describe(&is_least));
   if (!options.curves_path.empty()) writeOutput(options.curves_path, watch.curves());
   if (is_least) return status;
   std::fputs("simulate: the motion is not the one of least Z\n", stderr);
   return status == kSuccess ? kNotLeast : status;
+}
+
+/// Runs with derivatives of the samples.
+int runDifferentiated(Simulation& simulation, OfflineRun& offline_run,
+                      const SimulateOptions& options, const Span& span,
+                      const std::vector<ResolvedCommand>& commands) {
+  Sensitivity sensitivity = useTree(options, [&](const ParameterTree& tree) {
+    return Sensitivity(tree, readTree, options.sensitivity, commands);
+  });
+  ColumnGroups columns = options.columns;
+  columns.derivatives = sensitivity.names();
+  offline_run.differentiate(&sensitivity);
+  const int status =
+      run(simulation, offline_run, *makeWriter(simulation, options, columns), options, span);
+  if (sensitivity.stop().empty()) return status;
+  std::fprintf(stderr, "simulate: %s\n", sensitivity.stop().c_str());
+  return status == kSuccess ? kStopped : status;
 }
 
 int runSamples(Simulation& simulation, const SimulateOptions& options) {
@@ -412,11 +443,11 @@ int runSamples(Simulation& simulation, const SimulateOptions& options) {
   const SampleTimes times = options.has_times
                                 ? SampleTimes::at(options.times)
                                 : SampleTimes::atRate(options.rate, span.begin, span.end);
-  std::vector<ResolvedCommand> commands = readCommands(options, simulation.scene());
+  const std::vector<ResolvedCommand> commands = readCommands(options, simulation.scene());
   if (options.compare_principles) {
     return comparePrinciples(simulation, commands, times, span.end, options) ? kSuccess : kStopped;
   }
-  OfflineRun offline_run(simulation, times, std::move(commands), span.end);
+  OfflineRun offline_run(simulation, times, commands, span.end);
   offline_run.observe(options.columns.quantities);
   if (options.until_rest) offline_run.endAtRest();
   if (!options.save_state_path.empty()) {
@@ -430,7 +461,10 @@ int runSamples(Simulation& simulation, const SimulateOptions& options) {
   note(offline_run.ignoredCount(), "after the end", span.end);
   note(offline_run.pastCount(), "before the state", span.begin);
   if (options.check_minimum) return runChecked(simulation, offline_run, options, span);
-  return run(simulation, offline_run, *makeWriter(simulation, options), options, span);
+  if (!options.sensitivity.empty())
+    return runDifferentiated(simulation, offline_run, options, span, commands);
+  return run(simulation, offline_run, *makeWriter(simulation, options, options.columns), options,
+             span);
 }
 
 int runSimulate(const std::vector<std::string>& words) {

@@ -140,7 +140,7 @@ void checkModes(const OptionParser& given) {
   }
   std::string first;
   for (const char* mode : {"--check-minimum", "--compare-principles", "--compile", "--emit-c",
-                           "--emit-fmu", "--explain", "--linearize", "--trim"}) {
+                           "--emit-fmu", "--explain", "--linearize", "--sensitivity", "--trim"}) {
     if (!given.has(mode)) continue;
     if (!first.empty()) throw UsageError(first + " and " + mode + " exclude each other");
     first = mode;
@@ -213,6 +213,13 @@ void completeOptions(const OptionParser& given, SimulateOptions& options) {
   if (options.compare_principles && !endsWith(options.output_path, ".csv")) {
     throw UsageError("--compare-principles needs an --output FILE.csv");
   }
+  if (!options.sensitivity.empty() && options.format == OutputFormat::kBag) {
+    throw UsageError("--sensitivity: a bag has no place for derivatives; write a .csv");
+  }
+  if (!options.sensitivity.empty() && !begins_at_zero) {
+    throw UsageError(
+        "--sensitivity and --from-state exclude each other: a state has no derivatives");
+  }
   refuseOverwriting(options);
 }
 
@@ -241,6 +248,14 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   parser.flag("--stats", options.stats);
   parser.flag("--check-minimum", options.check_minimum);
   parser.text("--curves", options.curves_path);
+  parser.take("--sensitivity", [&](const std::string& word) {
+    for (std::size_t begin = 0; begin <= word.size();) {
+      const std::size_t end = std::min(word.find(',', begin), word.size());
+      options.sensitivity.push_back(word.substr(begin, end - begin));
+      if (begin == end) throw UsageError("--sensitivity: a path is empty");
+      begin = end + 1;
+    }
+  });
   parser.flag("--compare-principles", options.compare_principles);
   parser.flag("--explain", options.explain);
   parser.flag("--latex", options.latex);
@@ -333,6 +348,9 @@ usage: simulate SCENE.yaml --duration S [options]
                           Z = 1/2 G^T J^-1 G (gauss: 1/2 R^T J^-1 R) that the constraints allow,
                           found without the solver; samples are written with --output only
   --curves FILE.csv       of --check-minimum: Z along the admissible directions at each sample
+  --sensitivity PATH,..   the derivatives of the samples by numbers of the scene (drive/inertia,
+                          initial/velocity/0) and by commands (ratio@2.0: the value that input gets
+                          at 2.0 s), in columns d(load/velocity)/d(drive/inertia) after all others
   --compare-principles    run the scene under generalized_gauss [15], gauss [17] and [18] into
                           FILE_generalized_gauss.csv, FILE_gauss.csv and FILE_formal.csv, beside
                           the --output FILE.csv, for `plot --compare`

@@ -39,9 +39,10 @@ struct SimulateOptions {
   OutputFormat format = OutputFormat::kCsv;
   ColumnGroups columns;
   bool estimate_errors = false;
-  bool check_minimum = false;       ///< compare Z with the least one at each sample
-  std::string curves_path;          ///< of it: where Z along the admissible directions goes
-  bool compare_principles = false;  ///< run under all principles
+  bool check_minimum = false;            ///< compare Z with the least one at each sample
+  std::string curves_path;               ///< of it: where Z along the admissible directions goes
+  std::vector<std::string> sensitivity;  ///< paths that samples are differentiated by
+  bool compare_principles = false;       ///< run under all principles
   bool stats = false;
   bool linearize = false;         ///< write a linear model instead of running
   bool full = false;              ///< of it: all states, and not only coordinates on psi = 0

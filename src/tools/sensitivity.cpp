@@ -1,0 +1,344 @@
+#include "tools/sensitivity.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <utility>
+
+#include "motion_program/motion_program.h"
+#include "motion_program/tangent_steps.h"
+#include "variator_sim/errors.h"
+#include "variator_sim/message_text.h"
+#include "variator_sim/nearest_name.h"
+#include "variator_sim/overrides.h"
+#include "variator_sim/simulation.h"
+#include "variator_sim/units.h"
+
+namespace variator_sim {
+namespace {
+
+using expression::Node;
+using Numbers = std::vector<double>;
+
+/// A number of the scene.
+struct Parameter {
+  std::string path;
+  double value;  ///< in SI units
+  double unit;   ///< of its distances, about a thousandth of it
+};
+
+/// Reads the number at a path, a text with its unit too. Throws SceneError.
+double readNumber(const ParameterTree& tree, const std::string& path) {
+  const ParameterTree value = getValue(tree, path);
+  using Kind = ParameterTree::Kind;
+  if (value.kind() == Kind::kReal) return value.asReal();
+  if (value.kind() == Kind::kInteger) return static_cast<double>(value.asInteger());
+  if (value.kind() == Kind::kText) {
+    const char* const text = value.asText().c_str();
+    char* end = nullptr;
+    const double number = std::strtod(text, &end);
+    while (*end == ' ') ++end;
+    if (end != text && *end == '\0') return number;
+    if (end != text && readUnit(end) && readUnit(end)->unknown.empty())
+      return requireUnit(end, path).toSi(number);
+  }
+  throw SceneError(path, "is " + value.describeKind() + ", " + value.toText() +
+                             "; allowed for a derivative: a number, or TOPIC@TIME of a command");
+}
+
+std::vector<Node> shownNodes(const Scene& scene) {
+  std::vector<Node> nodes;
+  for (const Output& it : scene.outputs) {
+    if (!it.readsPrinciple()) nodes.push_back(it.node());
+  }
+  return nodes;
+}
+
+/// Errors of a motion's derivatives are not judged: the motion is stepped more finely for them.
+void tighten(SolverSettings* solver) {
+  for (double* tolerance : {&solver->relative_tolerance, &solver->absolute_tolerance}) {
+    *tolerance = std::min(*tolerance, std::max(1e-2 * *tolerance, 1e-13));
+  }
+}
+
+struct Made {
+  std::unique_ptr<Scene> scene;
+  std::unique_ptr<MotionProgram> program;
+  Numbers numbers;
+};
+
+Made make(const ParameterTree& tree, const Sensitivity::SceneReader& read) {
+  Made made;
+  made.scene = std::make_unique<Scene>(read(tree));
+  Scene& scene = *made.scene;
+  tighten(&scene.solver);
+  made.program =
+      orRefuse("has no derivatives, since its motion is not stepped by power series", [&] {
+        auto program = std::make_unique<MotionProgram>(scene, shownNodes(scene));
+        program->requireSteps();
+        return program;
+      });
+  made.numbers = made.program->numbers();
+  const auto shafts = scene.shafts.size();
+  for (Numbers initial :
+       {scene.initial.angle, scene.initial.velocity, scene.initial.acceleration}) {
+    initial.resize(shafts);
+    made.numbers.insert(made.numbers.end(), initial.begin(), initial.end());
+  }
+  return made;
+}
+
+/// Weights of f(0) and h f'(0) from f at places of a line, by Lagrange's polynomials.
+struct Stencil {
+  std::vector<double> places, of_value, of_slope;
+  explicit Stencil(std::vector<double> its_places) : places(std::move(its_places)) {
+    for (const double x : places) {
+      double value = 1.0;
+      double slope = 0.0;
+      for (const double y : places) {
+        if (y == x) continue;
+        double others = 1.0 / (x - y);
+        for (const double z : places) {
+          if (z != x && z != y) others *= -z / (x - z);
+        }
+        slope += others;
+        value *= -y / (x - y);
+      }
+      of_value.push_back(value);
+      of_slope.push_back(slope);
+    }
+  }
+};
+
+Numbers combine(const std::vector<Made>& made, const std::vector<double>& weights) {
+  Numbers sum(made.front().numbers.size());
+  for (std::size_t k = 0; k < made.size(); ++k) {
+    for (std::size_t n = 0; n < sum.size(); ++n) sum[n] += weights[k] * made[k].numbers[n];
+  }
+  return sum;
+}
+
+/// The program, its numbers and their derivatives. Programs are made along lines through the
+/// scene's values on which no parameter has a value that a formula simplifies by (0, 1) or shares
+/// with another: they have one structure.
+struct Source {
+  Made base;
+  TangentNumbers numbers;
+
+  Source(const ParameterTree& tree, const Sensitivity::SceneReader& read,
+         const std::vector<Parameter>& by)
+      : base(make(tree, read)) {
+    numbers.values = base.numbers;
+    if (by.empty()) return;
+    std::vector<double> direction;
+    for (std::size_t k = 0; k < by.size(); ++k) {
+      direction.push_back(1.0 + std::fmod(0.618 * static_cast<double>(k), 1.0));
+    }
+    std::vector<Made> made;
+    const Numbers along = slopeAlong(tree, read, by, direction, by.front().path, &made);
+    const std::vector<int> structure = made.front().program->structure();
+    const Numbers values = combine(made, stencil_.of_value);
+    Made node = std::move(made.front());
+    for (std::size_t j = 0; j < by.size(); ++j) {
+      std::vector<double> other = direction;
+      other[j] += 1.0;
+      Numbers slope = slopeAlong(tree, read, by, other, by[j].path, &made);
+      requireSame(made.front().program->structure(), structure, by[j].path);
+      for (std::size_t n = 0; n < slope.size(); ++n) {
+        slope[n] = (slope[n] - along[n]) / by[j].unit;  // (0 where j changes nothing)
+      }
+      numbers.slopes.push_back(std::move(slope));
+    }
+    if (structure == base.program->structure()) return;
+    base = std::move(node);
+    numbers.values = values;
+    for (std::size_t n = 0; n < values.size(); ++n) {
+      if (std::abs(values[n]) < 1e-11 * std::abs(base.numbers[n])) numbers.values[n] = 0.0;
+    }
+  }
+
+ private:
+  Stencil stencil_{{-3.0, -2.0, -1.0, 1.0, 2.0, 3.0}};
+
+  static void requireSame(const std::vector<int>& one, const std::vector<int>& other,
+                          const std::string& path) {
+    if (one == other) return;
+    throw SceneError(path,
+                     "changes which formulas the motion has, and not their numbers alone: there "
+                     "is no derivative by it");
+  }
+
+  /// Makes programs along a line, and returns the slopes of their numbers, per unit. On one side
+  /// only, where the scene refuses the other.
+  Numbers slopeAlong(const ParameterTree& tree, const Sensitivity::SceneReader& read,
+                     const std::vector<Parameter>& by, const std::vector<double>& direction,
+                     const std::string& path, std::vector<Made>* made) {
+    const std::vector<std::vector<double>> sides = {
+        stencil_.places, {1.0, 2.0, 3.0, 4.0, 5.0, 6.0}, {-1.0, -2.0, -3.0, -4.0, -5.0, -6.0}};
+    std::string fault;
+    for (const std::vector<double>& places : sides) {
+      try {
+        made->clear();
+        for (const double place : places) {
+          ParameterTree there = tree;
+          for (std::size_t k = 0; k < by.size(); ++k) {
+            setValue(there, by[k].path,
+                     ParameterTree::real(by[k].value + place * direction[k] * by[k].unit));
+          }
+          made->push_back(make(there, read));
+        }
+      } catch (const SceneError& error) {
+        if (fault.empty()) fault = error.what();
+        continue;
+      }
+      for (const Made& it : *made) {
+        requireSame(it.program->structure(), made->front().program->structure(), path);
+        if (it.numbers.size() != made->front().numbers.size()) requireSame({}, {0}, path);
+      }
+      stencil_ = Stencil(places);
+      return combine(*made, stencil_.of_slope);
+    }
+    throw SceneError(path, "has no derivative: values next to it are refused: " + fault);
+  }
+};
+
+}  // namespace
+
+Sensitivity::~Sensitivity() = default;
+Sensitivity::Sensitivity(Sensitivity&&) noexcept = default;
+
+Sensitivity::Sensitivity(const ParameterTree& tree, const SceneReader& read,
+                         const std::vector<std::string>& paths,
+                         const std::vector<ResolvedCommand>& commands) {
+  std::vector<Parameter> by;
+  for (const std::string& path : paths) {
+    if (path.find('@') != std::string::npos) continue;
+    const double value = readNumber(tree, path);
+    by.push_back({path, value, value == 0.0 ? 1e-3 : 1e-3 * std::abs(value)});
+  }
+  Source source(tree, read, by);
+  scene_ = std::move(source.base.scene);
+  program_ = std::move(source.base.program);
+  const Scene& scene = *scene_;
+  TangentNumbers all = std::move(source.numbers);
+  std::size_t next = 0;
+  std::vector<Numbers> slopes;
+  for (const std::string& path : paths) {
+    const std::size_t place = path.find('@');
+    Seed seed;
+    if (place == std::string::npos) {
+      slopes.push_back(all.slopes[next++]);
+    } else {
+      slopes.emplace_back();
+      char* end = nullptr;
+      seed.input = findInput(scene.inputs, path.substr(0, place));
+      seed.time = std::strtod(path.c_str() + place + 1, &end);
+      double nearest = std::numeric_limits<double>::infinity();
+      for (const ResolvedCommand& it : commands) {
+        if (it.input != seed.input) continue;
+        if (std::abs(it.time - seed.time) < std::abs(nearest - seed.time)) nearest = it.time;
+      }
+      const bool is_number = *end == '\0' && place + 1 < path.size();
+      if (!is_number || !(std::abs(nearest - seed.time) <= 1e-9 * std::max(1.0, seed.time))) {
+        throw SceneError("", inQuotes(path) + ": there is no command to that input at that time; " +
+                                 (std::isfinite(nearest)
+                                      ? "the nearest one is at " + formatNumber(nearest) + " s"
+                                      : "there is none at all"));
+      }
+      seed.time = nearest;
+    }
+    seeds_.push_back(seed);
+  }
+  std::vector<std::string> quantities;
+  for (const std::string& shaft : scene.shafts) {
+    for (const char* of :
+         {"/angle", "/velocity", "/acceleration", "/applied_torque", "/reaction_torque"}) {
+      quantities.push_back(shaft + of);
+    }
+  }
+  for (const ConstraintPtr& it : scene.constraints)
+    quantities.push_back(it->name() + "/multiplier");
+  for (const SceneState& it : scene.states) {
+    quantities.push_back("states/" + scene.inputs[static_cast<std::size_t>(it.input)].name);
+  }
+  for (const Output& it : scene.outputs) {
+    if (!it.readsPrinciple()) quantities.push_back("outputs/" + it.name());
+  }
+  quantities_ = quantities.size();
+  for (const std::string& path : paths) {
+    for (const std::string& it : quantities) names_.push_back("d(" + it + ")/d(" + path + ")");
+  }
+  const std::vector<int> shown = program_->rowsOf(shownNodes(scene)).values;
+  for (std::size_t first = 0; first < paths.size();) {
+    all.slopes.assign(slopes.begin() + static_cast<std::ptrdiff_t>(first), slopes.end());
+    motions_.push_back(hostTangents(*program_, all, shown));
+    first += static_cast<std::size_t>(motions_.back()->width());
+  }
+}
+
+void Sensitivity::note(int status, double time) {
+  if (status == SCENE_OK || !stop_.empty()) return;
+  static const char* const kReasons[] = {"",
+                                         "a bad argument",
+                                         "C has lost rank",
+                                         "no state on the constraints was found",
+                                         "a value is not finite or has no power series",
+                                         "steps become too short",
+                                         "a law chatters",
+                                         "a jump leads to no state on the constraints",
+                                         "the first commands contradict the initial values",
+                                         "no modes of the elements that hold go on"};
+  stop_ = std::string("no derivatives from ") + formatNumber(time) + " s on: " + kReasons[status];
+}
+
+void Sensitivity::follow(Simulation& run) {
+  if (is_begun_) return;
+  is_begun_ = true;
+  const Sample& start = run.sample();
+  for (const auto& it : motions_) note(it->begin(start.acceleration), start.time);
+  for (const Given& it : waiting_) give(run.time(), it);
+}
+
+void Sensitivity::give(double time, const Given& command) {
+  std::size_t first = 0;
+  for (const auto& it : motions_) {
+    const auto width = static_cast<std::size_t>(it->width());
+    std::vector<double> slope(width);
+    for (std::size_t j = 0; j < width && first + j < seeds_.size(); ++j) {
+      const Seed& seed = seeds_[first + j];
+      if (seed.input == command.input && seed.time == time) slope[j] = 1.0;
+    }
+    note(it->advance(time), time);
+    it->command(command.input, command.value, slope.data());
+    first += width;
+  }
+}
+
+void Sensitivity::command(const Simulation& run, int input, double value) {
+  if (!std::isfinite(value)) return;
+  if (is_begun_)
+    give(run.time(), {input, value});
+  else
+    waiting_.push_back({input, value});
+}
+
+void Sensitivity::calc(Simulation& run, double* values) {
+  follow(run);
+  std::size_t first = 0;
+  for (const auto& it : motions_) {
+    const auto width = static_cast<std::size_t>(it->width());
+    std::vector<double> slopes(quantities_ * width);
+    note(it->advance(run.time()), run.time());
+    if (stop_.empty()) note(it->see(slopes.data()), run.time());
+    for (std::size_t j = 0; j < width && first + j < seeds_.size(); ++j) {
+      for (std::size_t q = 0; q < quantities_; ++q) {
+        values[(first + j) * quantities_ + q] =
+            stop_.empty() ? slopes[q * width + j] : std::numeric_limits<double>::quiet_NaN();
+      }
+    }
+    first += width;
+  }
+}
+
+}  // namespace variator_sim
