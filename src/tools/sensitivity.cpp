@@ -221,6 +221,9 @@ Sensitivity::Sensitivity(const ParameterTree& tree, const SceneReader& read,
   scene_ = std::move(source.base.scene);
   program_ = std::move(source.base.program);
   const Scene& scene = *scene_;
+  scene.refuseDelays(
+      "derivatives of a run have no past here; allowed: states that follow it instead, rate: (x - "
+      "z)/0.2");
   TangentNumbers all = std::move(source.numbers);
   std::size_t next = 0;
   std::vector<Numbers> slopes;
