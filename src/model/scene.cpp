@@ -235,20 +235,6 @@ void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene,
   }
 }
 
-/// Rejects delayed formulas that read what the motion's program has no power series of.
-void checkDelays(const Scene& scene) {
-  for (const CommandInputSettings& input : scene.inputs) {
-    if (input.kind != InputKind::kDelayed) continue;
-    for (const SceneState& state : scene.states) {
-      const int rate = expression::slotOf(expression::Source::kInputRate, state.input);
-      if (!scene.graph->dependsOn(input.delayed, rate)) continue;
-      throw SceneError(input.owner, inQuotes(input.name) +
-                                        " delays a jerk, a rate of reaction or a multiplier; "
-                                        "allowed: formulas without these");
-    }
-  }
-}
-
 void checkTopics(const Scene& scene, const std::vector<std::string>& taken) {
   for (const CommandInputSettings& input : scene.inputs) {
     const bool is_taken = std::find(taken.begin(), taken.end(), input.topic) != taken.end();
@@ -463,19 +449,6 @@ bool isOutsideFormulas(const std::string& path, const Scene& scene) {
   if (!scene.inertia_formulas.empty()) return first == "solver";
   return first == "initial" || first == "solver" ||
          std::find(scene.shafts.begin(), scene.shafts.end(), first) != scene.shafts.end();
-}
-
-int Scene::firstDelay() const {
-  const auto found = std::find_if(inputs.begin(), inputs.end(), [](const auto& input) {
-    return input.kind == InputKind::kDelayed;
-  });
-  return found == inputs.end() ? -1 : static_cast<int>(found - inputs.begin());
-}
-
-void Scene::refuseDelays(const std::string& why) const {
-  if (firstDelay() < 0) return;
-  const CommandInputSettings& input = inputs[static_cast<std::size_t>(firstDelay())];
-  throw SceneError(input.owner, "reads " + inQuotes(input.name) + ", and " + why);
 }
 
 std::string Scene::nameOfDirection() const {

@@ -324,4 +324,30 @@ void readMemory(ParameterReader& root, const SceneNames& names, Scene* scene) {
   noteReaders(root, names, scene);
 }
 
+void checkDelays(const Scene& scene) {
+  for (const CommandInputSettings& input : scene.inputs) {
+    if (input.kind != InputKind::kDelayed) continue;
+    for (const SceneState& state : scene.states) {
+      const int rate = expression::slotOf(expression::Source::kInputRate, state.input);
+      if (!scene.graph->dependsOn(input.delayed, rate)) continue;
+      throw SceneError(input.owner, inQuotes(input.name) +
+                                        " delays a jerk, a rate of reaction or a multiplier; "
+                                        "allowed: formulas without these");
+    }
+  }
+}
+
+int Scene::firstDelay() const {
+  const auto found = std::find_if(inputs.begin(), inputs.end(), [](const auto& input) {
+    return input.kind == InputKind::kDelayed;
+  });
+  return found == inputs.end() ? -1 : static_cast<int>(found - inputs.begin());
+}
+
+void Scene::refuseDelays(const std::string& why) const {
+  if (firstDelay() < 0) return;
+  const CommandInputSettings& input = inputs[static_cast<std::size_t>(firstDelay())];
+  throw SceneError(input.owner, "reads " + inQuotes(input.name) + ", and " + why);
+}
+
 }  // namespace variator_sim

@@ -1,4 +1,4 @@
-/// Reads `variables`, `states` and `events` of a scene.
+/// Reads `variables`, `states` and `events` of a scene, and checks its delays.
 #pragma once
 
 #include "model/scene_names.h"
@@ -14,5 +14,8 @@ void declareMemory(ParameterReader& root, const SceneNames& names, Scene* scene)
 /// gets names of these for observers, which outputs are, too. Does nothing where an element is
 /// missing, whose fault explains those here. Throws SceneError.
 void readMemory(ParameterReader& root, const SceneNames& names, Scene* scene);
+
+/// Rejects delayed formulas that read what the motion's program has no power series of.
+void checkDelays(const Scene& scene);
 
 }  // namespace variator_sim

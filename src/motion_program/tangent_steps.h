@@ -10,7 +10,7 @@
 
 namespace variator_sim {
 
-/// What the parameters change: MotionProgram::numbers, then the scene's initial angles, velocities
+/// The numbers that parameters change: MotionProgram::numbers, then the scene's initial angles, velocities
 /// and accelerations.
 struct TangentNumbers {
   std::vector<double> values;
