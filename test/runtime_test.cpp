@@ -11,6 +11,7 @@ enum { VS_STRIDE = 24 };
 //
 #include "runtime/roots.h"
 //
+#define SCENE_REAL double
 #include "runtime/table_data.h"
 //
 #include "runtime/tables.h"
