@@ -63,7 +63,7 @@ class OptimalMotionTest(SimulateTestCase):
 
     def test_car(self):
         """The shipped car: at least 5 % less fuel than with the best constant commands; the file plays the same."""
-        scene = str(FOLDER / "config" / "applications" / "optimal_start.yaml")
+        scene = str(FOLDER / "config" / "applications" / "optimal" / "optimal_start.yaml")
         script = [sys.executable, str(FOLDER / "scripts" / "optimise"), scene, "--control", "ratio", "--control", "throttle",
                   "--knots", "10", "--minimise", "fuel", "--subject", "w_wheels(20) = 74.07", "--bounds", "ratio=0.06:0.4",
                   "--rate", "ratio=0.1", "--output", str(self.folder / "start.csv"), "--picture",

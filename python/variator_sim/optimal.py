@@ -30,15 +30,17 @@ class Subject:
 
 @dataclasses.dataclass
 class Programme:
-    """What `optimise` returns.
+    """An optimal programme, as `optimise` returns it.
 
     Attributes:
+        minimised: the name of the quantity.
         commands: the optimal programme, tuples (time, topic, value); `result`: its run.
         cost: the least value; `constant_cost`: that of the best constant commands, `constant_commands`, or NaN
             where none satisfy the conditions; `constant_result`: their run.
         message: how SLSQP ended; `runs`: the number of runs it took.
     """
 
+    minimised: str
     commands: list
     cost: float
     result: object
@@ -55,24 +57,27 @@ class Programme:
             file.writelines(f"{time!r},{topic},{value!r}\n" for time, topic, value in self.commands)
 
     def plot(self, controls, columns):
-        """A figure: commands, and columns of both runs."""
-        import matplotlib.pyplot as plt  # takes a second to load
-        figure, axes = plt.subplots(len(controls) + len(columns), 1, sharex=True, squeeze=False, layout="constrained",
-                                    figsize=(10, 1.0 + 1.8 * (len(controls) + len(columns))))
-        runs = [(self.result, self.commands, "optimal", "-"), (self.constant_result, self.constant_commands,
-                                                              "best constant", "--")]
-        for result, commands, label, style in runs:
-            for axis, control in zip(axes[:, 0], controls):
+        """A figure: commands, and columns of both runs, titled by the cost of both."""
+        from variator_sim.plotting import draw_lines, make_panels, put_legend_above  # take a second to load
+        title = (f"{self.minimised} at the end: {self.cost:.4g} by the programme, "
+                 f"{self.constant_cost:.4g} by the best constant commands")
+        figure, axes = make_panels(len(controls) + len(columns), 1, title)
+        runs = (("programme", self.result, self.commands),
+                ("best constant commands", self.constant_result, self.constant_commands))
+        for axis, control in zip(axes[:, 0], controls):
+            lines = []
+            for name, result, commands in runs:
                 points = [(time, value) for time, topic, value in commands if topic == control]
-                axis.step([t for t, _ in points] + [result.time[-1]], [v for _, v in points] + [points[-1][1]], style,
-                          where="post", label=label)
-                axis.set_ylabel(f"command {control}")
-            for axis, column in zip(axes[len(controls):, 0], columns):
-                axis.plot(result.time, result[column], style, label=label)
-                axis.set_ylabel(column)
-        axes[0, 0].legend()
-        axes[-1, 0].set_xlabel("Simulated time, s")
-        figure.suptitle(f"{self.cost:.6g} with the programme, {self.constant_cost:.6g} with the best constant commands")
+                ends = [time for time, _ in points[1:]] + [result.time[-1]]
+                lines.append((name, numpy.ravel(list(zip([time for time, _ in points], ends))),
+                              numpy.repeat([value for _, value in points], 2)))
+            draw_lines(axis, lines, f"command\n{control}")
+        for axis, column in zip(axes[len(controls):, 0], columns):
+            unit = self.result.units.get(column)
+            label = column.replace("/", "/\n", 1) + (f", {unit}" if unit else "")
+            draw_lines(axis, [(name, result.time, result[column]) for name, result, _ in runs], label)
+        put_legend_above(axes[0, 0])
+        figure.align_ylabels(axes[:, 0])
         return figure
 
 
@@ -249,7 +254,7 @@ def optimise(scene, controls, minimise, subject=(), *, duration=None, knots=20, 
         return simulate(scene, duration, rate=rate, commands=problem.commands(x), columns="state,outputs,states",
                         overrides=overrides)
 
-    return Programme(problem.commands(found.x), problem.sign * problem.evaluate(found.x)[0], run(found.x),
+    return Programme(problem.minimise, problem.commands(found.x), problem.sign * problem.evaluate(found.x)[0], run(found.x),
                      problem.commands(best_constant), constant_cost, run(best_constant), found.message, problem.runs)
 
 
