@@ -52,10 +52,12 @@ class ClockTest(unittest.TestCase):
         first = self.owner.step(0.25)
         self.assertTrue(first.success, first.message)
         clock.wait(lambda m: m.clock.to_nsec() == 250000000, 'the time of the step')
-        # The followers' first tick counts from the first time they see. (Their time was 0 before.)
+        # The followers' first tick counts from the first time they see, which stamps tell: their own time was 0 before.
         wait_for(lambda: rospy.Time.now().to_nsec() == 250000000, 'ROS time')
         for node in (self.follower, self.hasty):
-            node.status.wait_new(lambda s: s.time == 0.0 and s.ticks > 0, 'a first tick')
+            for _ in range(2):
+                node.status.wait_new(lambda s: s.header.stamp.to_nsec() == 250000000, 'a stamp of 0.25 s')
+            self.wait_for_time(node, 0)
         second = self.owner.step(0.5)
         self.assertTrue(second.success, second.message)
         for node in (self.follower, self.hasty):
