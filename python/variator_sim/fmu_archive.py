@@ -19,7 +19,7 @@ import zipfile
 
 # Every operation rounds separately, as in the package itself, and every function is the library's.
 OPTIONS = ["-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-tree-slp-vectorize", "-fno-builtin",
-           "-fvisibility=hidden", "-Wall", "-Wextra", "-Werror", "-Wno-unused-variable", "-Wno-psabi"]
+           "-fvisibility=hidden"]
 LINKING = ["-fPIC", "-shared", "-fno-semantic-interposition", "-fno-plt", "-s"]
 # Names of platforms by machine, in FMI 2 and 3.
 PLATFORMS = {"x86_64": {2: "linux64", 3: "x86_64-linux"}, "aarch64": {2: "aarch64-linux", 3: "aarch64-linux"}}
@@ -129,12 +129,13 @@ def describe_model(model, variables):
     abilities = {"modelIdentifier": model["name"], "canHandleVariableCommunicationStepSize": "true"}
     if version == 2:
         abilities.update(canGetAndSetFMUstate="true", canSerializeFMUstate="true",
-                         canNotUseMemoryManagementFunctions="true")
+                         canNotUseMemoryManagementFunctions="true", providesDirectionalDerivative="true")
         source = _element(root, "CoSimulation", **abilities)
         _element(_element(source, "SourceFiles"), "File", name=f"{model['name']}.c")
     else:
         abilities.update(canGetAndSetFMUState="true", canSerializeFMUState="true", hasEventMode="true",
-                         mightReturnEarlyFromDoStep="true")
+                         mightReturnEarlyFromDoStep="true", providesDirectionalDerivatives="true",
+                         providesAdjointDerivatives="true")
         _element(root, "CoSimulation", **abilities)
     _describe_units(root, model["units"])
     if any(it.kind == "mode" for it in variables):

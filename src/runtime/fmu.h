@@ -34,6 +34,7 @@ typedef struct {
   vs_host host;
   int phase;
   scene_status status;
+  double start;             /* s */
   double time;              /* the communication point, s */
   double begin, begin_rest; /* the start of the last step, s */
   int has_step, made_since;
@@ -90,9 +91,9 @@ static void fmu_command_signal(fmu_motion* m, int i) {
     (void)vs_command_signal(&m->signal[i], hold_of[i], parameter_of[i], m->target[i]);
 }
 
-/* True where no start value is another one than the scene's. */
+/* True where no start value is another one than the scene's, nor the time. */
 static int fmu_is_as_written(const fmu_motion* m) {
-  int i, is_same = 1;
+  int i, is_same = m->start == 0.0;
   for (i = 0; i < FMU_PARAMETERS; ++i) is_same &= m->parameter[i] == fmu_parameter[i];
   for (i = 0; i < INPUTS; ++i) is_same &= !m->is_new[i] || m->target[i] == initial_input[i];
   return is_same;
@@ -109,7 +110,7 @@ static void fmu_start(fmu_motion* m) {
   memset(m->reaction, 0, sizeof m->reaction);
   for (i = 0; i < 2 * S; ++i) m->state[i] = m->parameter[i];
   for (i = 0; i < S; ++i) {
-    if (is_settled || HAS_GIVEN_ACCELERATIONS) m->state[2 * S + i] = initial_acceleration[i];
+    m->state[2 * S + i] = initial_acceleration[i]; /* given, or those that are searched from */
     if (!is_settled) continue;
     m->state[i] = initial_angle[i];
     m->state[S + i] = initial_velocity[i]; /* moved onto the constraints, where the scene lets it */
@@ -126,7 +127,8 @@ static void fmu_start(fmu_motion* m) {
     vs_hold_constant(&m->signal[variable_input[i]], m->parameter[2 * S + STATES + i]);
   for (i = 0; i < INPUTS; ++i) fmu_command_signal(m, i);
   fmu_describe_inputs(m);
-  m->it.time = m->it.time_rest = m->begin = m->begin_rest = 0.0;
+  m->it.time = m->begin = m->start;
+  m->it.time_rest = m->begin_rest = 0.0;
   m->it.usual = 1e-3; /* (The length of a first step is found from a series in this unit.) */
   m->it.begin = is_settled ? 0 : 1;
   m->it.are_given = HAS_GIVEN_ACCELERATIONS;
@@ -134,6 +136,11 @@ static void fmu_start(fmu_motion* m) {
   m->status = (scene_status)vs_host_begin(&m->host, &m->it);
   m->is_begun = 1;
   m->is_seen = m->has_step = m->made_since = 0;
+}
+
+static void fmu_set_start(fmu_motion* m, double start) {
+  m->start = m->time = m->origin = m->window = start;
+  m->is_begun = 0;
 }
 
 static void fmu_reset(fmu_motion* m) {
