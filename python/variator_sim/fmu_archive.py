@@ -226,7 +226,7 @@ def write_archive(model, path):
     variables = [Variable(reference, entry) for reference, entry in enumerate(model["variables"])]
     if len({it.name for it in variables}) < len(variables):
         raise RuntimeError("two variables of the FMU have one name: an element is called like another's quantity, "
-                           "or 'inputs', 'outputs', 'initial', 'states' or 'variables'")
+                           "or 'inputs', 'outputs', 'initial', 'scene', 'states' or 'variables'")
     members = {"modelDescription.xml": describe_model(model, variables),
                "documentation/index.html": write_page(model, variables),
                f"sources/{model['name']}.c": model["source"]}

@@ -205,14 +205,14 @@ FMI_EXPORT int fmi3GetVariableDependencies(void* c, uint32_t dependent, size_t* 
   (void)count;
   return fmu_fail(c, FMU_ERROR, __func__, "not provided");
 }
-#define FMI3_DERIVATIVE(name, is_adjoint, of_seeds, of_values)                                 \
-  FMI_EXPORT int name(void* c, fmi3References unknown, size_t unknowns, fmi3References known,  \
-                      size_t knowns, const double* seed, size_t seeds, double* value,          \
-                      size_t values) {                                                         \
-    if (seeds != of_seeds || values != of_values)                                              \
-      return fmu_fail(c, FMU_ERROR, __func__, "another number of values");                     \
-    return fmu_get_derivatives(c, unknown, unknowns, known, knowns, seed, value, is_adjoint,   \
-                               __func__);                                                      \
+#define FMI3_DERIVATIVE(name, is_adjoint, of_seeds, of_values)                                \
+  FMI_EXPORT int name(void* c, fmi3References unknown, size_t unknowns, fmi3References known, \
+                      size_t knowns, const double* seed, size_t seeds, double* value,         \
+                      size_t values) {                                                        \
+    if (seeds != of_seeds || values != of_values)                                             \
+      return fmu_fail(c, FMU_ERROR, __func__, "another number of values");                    \
+    return fmu_get_derivatives(c, unknown, unknowns, known, knowns, seed, value, is_adjoint,  \
+                               __func__);                                                     \
   }
 FMI3_DERIVATIVE(fmi3GetDirectionalDerivative, 0, knowns, unknowns)
 FMI3_DERIVATIVE(fmi3GetAdjointDerivative, 1, unknowns, knowns)

@@ -52,12 +52,13 @@ typedef struct {
 static void fmu_find_slopes(const fmu_motion* m, unsigned known, fmu_derivatives* d) {
   const int is_command = known >= FMU_FIRST_COMMAND;
   const int input = is_command ? fmu_command[known - FMU_FIRST_COMMAND] : -1;
-  const double low = is_command ? minimum_of[input] : -INFINITY;
-  const double high = is_command ? maximum_of[input] : INFINITY;
+  const double low = is_command ? fmu_minimum_of[input] : -INFINITY;
+  const double high = is_command ? fmu_maximum_of[input] : INFINITY;
   double u, h;
   int level, n, has_before = 0;
   (void)fmu_get(m, known, &u);
-  h = 0.25 * fmin(fmax(1.0, fabs(u)), 0.5 * (high - low));
+  h = is_command ? fmax(1.0, fabs(u)) : u != 0.0 ? fabs(u) : 1.0;
+  h = 0.25 * fmin(h, 0.5 * (high - low));
   for (n = 0; n < FMU_VALUES; ++n) d->doubt[n] = INFINITY;
   for (level = 0; level < FMU_LEVELS && h > 0.0; ++level, h *= 0.25) {
     const int is_inside = u >= low && u <= high;
@@ -70,7 +71,7 @@ static void fmu_find_slopes(const fmu_motion* m, unsigned known, fmu_derivatives
       const double doubt = has_before ? fabs(slope - d->before[n]) : INFINITY;
       if (doubt < d->doubt[n]) {
         d->doubt[n] = doubt;
-        d->best[n] = slope;
+        d->best[n] = fabs(slope) <= noise ? 0.0 : slope;
       }
       is_done = is_done && doubt <= 1e-12 * fabs(slope) + noise;
       d->before[n] = slope;
@@ -80,7 +81,8 @@ static void fmu_find_slopes(const fmu_motion* m, unsigned known, fmu_derivatives
   }
 }
 
-/* True for a derivative that is known to eight digits, or as far as the values' rounding lets it. */
+/* True for a derivative that is known to eight digits, or as far as the values' rounding lets it.
+ */
 static int fmu_is_known(const fmu_motion* m, const fmu_derivatives* d, unsigned of) {
   return d->doubt[of] <= 1e-8 * fabs(d->best[of]) + 1e-9 * fabs(m->value[of]) ||
          d->doubt[of] <= 1e-12;

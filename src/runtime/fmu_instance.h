@@ -140,17 +140,33 @@ static int fmu_may_set(const fmu_instance* f, unsigned reference) {
          reference >= (unsigned)(may_start ? FMU_FIRST_PARAMETER : FMU_FIRST_COMMAND);
 }
 
+static int fmu_check_allowed(const fmu_instance* f, unsigned reference, double value,
+                             const char* function) {
+  const unsigned first = FMU_FIRST_PARAMETER + FMU_STARTS;
+  char why[256];
+  const fmu_allowance* a;
+  if (!isfinite(value)) return fmu_fail(f, FMU_DISCARD, function, "a value is not finite");
+  if (reference < first || reference >= FMU_FIRST_COMMAND) return FMU_OK;
+  a = &fmu_allowed[reference - first];
+  if ((a->has_low ? value >= a->low : value > a->low) &&
+      (a->has_high ? value <= a->high : value < a->high) && !(a->is_never_zero && value == 0.0))
+    return FMU_OK;
+  snprintf(why, sizeof why, "scene/%.100s is %.17g; allowed: %.100s", a->path, value, a->allowed);
+  return fmu_fail(f, FMU_ERROR, function, why);
+}
+
 /* All or none of them are set. */
 static int fmu_set_numbers(fmu_instance* f, const unsigned* reference, size_t count,
                            const double* value, const char* function) {
-  const int status =
+  int status =
       fmu_check(f, FMU_INSTANTIATED | FMU_INITIALIZING | FMU_STEPPING | FMU_EVENT, function);
   size_t n;
   if (status != FMU_OK) return status;
   for (n = 0; n < count; ++n) {
     if (!fmu_may_set(f, reference[n]))
       return fmu_fail(f, FMU_ERROR, function, "no input, nor a parameter that may be set now");
-    if (!isfinite(value[n])) return fmu_fail(f, FMU_DISCARD, function, "a value is not finite");
+    status = fmu_check_allowed(f, reference[n], value[n], function);
+    if (status != FMU_OK) return status;
   }
   for (n = 0; n < count; ++n) fmu_set(&f->motion, reference[n], value[n]);
   return FMU_OK;
