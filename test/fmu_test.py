@@ -267,6 +267,25 @@ class FmuTest(TestCase):
         for values in ({"motor/inertia": 1.0, "wheel/inertia": 1.0}, {"cruise/ki": 1.5, "wheel/inertia": 2.5}):
             self.check_parameters("memory", 3, values, 3.0, columns[:3] + columns[4:])
 
+    def test_given_accelerations_are_moved_anew(self):
+        """They are nearest to the scene's by the inertias that are set, and not to those of other ones."""
+        scene = self.folder / "circle.yaml"
+        scene.write_text("shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 1.5}\nconstraints: [c]\n"
+                         "c: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"e1^2 + e2^2 - p^2\",\n"
+                         "  parameters: {p: 2}}\ninitial: {acceleration: [1.0, 1.6], project: true}\n")
+        path = self.folder / "circle.fmu"
+        self.assertEqual(call(SIMULATE, scene, "--emit-fmu", path).returncode, 0)
+        archive = Archive(path, self.folder / "circle")
+        for values in ({}, {"b/inertia": 12.0}, {"c/parameters/p": 3.0, "a/inertia": 4.0}):
+            words = [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
+            row = parse(call(SIMULATE, scene, "--times", 0, *words).stdout)[0]
+            instance = Instance(archive)
+            self.assertEqual(instance.try_set({"scene/" + name: value for name, value in values.items()}), OK)
+            self.assertEqual(instance.initialize(), OK, instance.log)
+            for name in ("a/acceleration", "b/acceleration", "b/reaction_torque"):
+                self.assertAlmostEqual(instance.get([name])[0], float(row[name]), delta=1e-9, msg=values)
+            instance.free()
+
     def test_tolerances(self):
         ends = []
         for tolerance in (1e-9, 1e-5, 1e-12):

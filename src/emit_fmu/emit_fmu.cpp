@@ -251,13 +251,13 @@ class FmuWriter {
         multiplier.assign(first.multiplier, first.multiplier + constraints);
       }
       longest.assign(state.history.longest_row, state.history.longest_row + constraints);
-    } else if (!scene_.initial.acceleration.empty()) {
-      acceleration = scene_.initial.acceleration;
     }
+    const std::vector<double>& given = scene_.initial.acceleration;
     return "enum { FMU_IS_SETTLED = " + std::to_string(is_settled ? 1 : 0) + " };\n" +
            arrayOf("double", "initial_angle", angle) +
            arrayOf("double", "initial_velocity", velocity) +
            arrayOf("double", "initial_acceleration", acceleration) +
+           arrayOf("double", "given_acceleration", given.empty() ? acceleration : given) +
            arrayOf("double", "initial_reaction", reaction) +
            arrayOf("double", "initial_multiplier", multiplier) +
            arrayOf("double", "initial_longest", longest);

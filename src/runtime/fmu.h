@@ -15,6 +15,7 @@
  *     fmu_command      the scene's input of each commanded one
  *     fmu_row          rows of further outputs
  *     FMU_IS_SETTLED   1: initial_.. are a state to go on from; 0: the motion begins by itself
+ *     given_acceleration   the scene's, or those of the state
  *     fmu_most_steps   steps in a second of the motion
  *     fmu_token        the instantiation token */
 
@@ -162,8 +163,9 @@ static void fmu_start(fmu_motion* m) {
   memset(m->reaction, 0, sizeof m->reaction);
   for (i = 0; i < 2 * S; ++i) m->state[i] = m->parameter[i];
   for (i = 0; i < S; ++i) {
-    m->state[2 * S + i] = initial_acceleration[i]; /* given, or those that are searched from */
+    m->state[2 * S + i] = given_acceleration[i]; /* or those that the search begins at */
     if (!is_settled) continue;
+    m->state[2 * S + i] = initial_acceleration[i];
     m->state[i] = initial_angle[i];
     m->state[S + i] = initial_velocity[i]; /* moved onto the constraints, where the scene lets it */
     m->reaction[i] = initial_reaction[i];

@@ -26,7 +26,7 @@ static double fmu_weight(int first, int k) {
 /* The derivatives of all values by one of the settable ones for one h; `at` is memory. */
 static int fmu_differentiate(const fmu_motion* m, fmu_motion* at, unsigned known, double h,
                              int first, double* slope) {
-  double u;
+  double u = 0.0;
   int k, n;
   (void)fmu_get(m, known, &u);
   for (n = 0; n < FMU_VALUES; ++n) slope[n] = 0.0;
@@ -54,7 +54,7 @@ static void fmu_find_slopes(const fmu_motion* m, unsigned known, fmu_derivatives
   const int input = is_command ? fmu_command[known - FMU_FIRST_COMMAND] : -1;
   const double low = is_command ? fmu_minimum_of[input] : -INFINITY;
   const double high = is_command ? fmu_maximum_of[input] : INFINITY;
-  double u, h;
+  double u = 0.0, h;
   int level, n, has_before = 0;
   (void)fmu_get(m, known, &u);
   h = is_command ? fmax(1.0, fabs(u)) : u != 0.0 ? fabs(u) : 1.0;
