@@ -266,6 +266,10 @@ class FmuTest(TestCase):
         columns = ["motor/angle", "wheel/velocity", "wheel/acceleration", "states/cruise", "states/ratio_now"]
         for values in ({"motor/inertia": 1.0, "wheel/inertia": 1.0}, {"cruise/ki": 1.5, "wheel/inertia": 2.5}):
             self.check_parameters("memory", 3, values, 3.0, columns[:3] + columns[4:])
+        # Divisors, and products of two numbers.
+        self.check_parameters("locomotive", 3, {"train/wheel_radius": 0.6, "diesel/friction/regularization_speed": 1.3,
+                                                "train/quadratic": 25.0, "regulator/parameters/band": 3.0}, 4.0,
+                              ["engine/angle", "axle/velocity", "axle/reaction_torque"])
 
     def test_given_accelerations_are_moved_anew(self):
         """They are nearest to the scene's by the inertias that are set, and not to those of other ones."""
