@@ -107,6 +107,13 @@ class FmuTest(TestCase):
         self.assertAlmostEqual(float(units["rpm"]["factor"]), math.pi / 30)
         self.assertEqual(units["N m"], {"kg": "1", "m": "2", "s": "-2"})
 
+    def test_sources_compile_without_warnings(self):
+        for name, version in (("slip", 2), ("memory", 3)):
+            archive = self.archive(name, version)
+            done = call("gcc", "-std=c11", "-O0", "-Wall", "-Wextra", "-Werror", "-Wno-unused-variable", "-fsyntax-only",
+                        archive.folder / "sources" / f"{archive.name}.c")
+            self.assertEqual((done.returncode, done.stderr), (0, ""))
+
     def test_nothing_but_mathematics_and_its_memory_is_called(self):
         for version in (2, 3):
             done = call("nm", "-D", "-u", self.archive("slip", version).binary)
@@ -205,6 +212,183 @@ class FmuTest(TestCase):
         self.assertEqual(instance.try_set({"initial/gearbox/velocity": 51.0}), OK)
         self.assertEqual(instance.initialize(), ERROR)
         self.assertIn("contradict", instance.log[-1][1])
+        instance.free()
+
+    def test_start_time(self):
+        names = ["motor/angle", "motor/velocity", "load/velocity", "clutch/torque", "clutch/heat"]
+        for version in (2, 3):
+            ends = []
+            for start in (0.0, 64.0):  # the scene reads no t
+                instance = Instance(self.archive("slip", version))
+                self.assertEqual(instance.initialize(start), OK, instance.log)
+                self.assertEqual(instance.get(["time"]), [start])
+                for k in range(20):
+                    self.assertEqual(instance.try_set({"inputs/torque": 20.0 * (k % 3)}), OK)
+                    self.assertEqual(instance.step(start + 0.125 * k, 0.125), OK, instance.log)
+                ends.append(instance.get(names))
+                instance.free()
+            for value, expected in zip(ends[1], ends[0]):
+                self.assertAlmostEqual(value, expected, delta=1e-8 * (1 + abs(expected)))
+            instance = Instance(self.archive("slip", version))
+            for start in (-1.0, math.nan, math.inf, 1e12):
+                self.assertEqual(instance.enter(start), ERROR)
+                self.assertIn("start time is", instance.log[-1][1])
+                self.assertIn("allowed: from 0", instance.log[-1][1])
+            self.assertEqual(instance.initialize(3.0), OK, instance.log)
+            instance.free()
+
+    # --- parameters ---
+
+    def check_parameters(self, name, version, values, until, columns):
+        """A motion with other numbers is that of `simulate --set`."""
+        scene = FOLDER / (SCENES[name] + ".yaml")
+        words = [word for path, value in values.items() for word in ("--set", f"{path}={value!r}")]
+        done = call(SIMULATE, scene, "--times", f"{until / 2!r},{until!r}", "--columns", "state,states", *words)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        instance = Instance(self.archive(name, version))
+        self.assertEqual(instance.try_set({"scene/" + path: value for path, value in values.items()}), OK, instance.log)
+        self.assertEqual(instance.initialize(), OK, instance.log)
+        now = 0.0
+        for row in parse(done.stdout):
+            self.assertEqual(instance.step(now, until / 2), OK, instance.log)
+            now = float(row["time"])
+            for column, value in zip(columns, instance.get(columns)):
+                self.assertAlmostEqual(value, float(row[column]), delta=1e-12 * (1 + abs(value)), msg=(values, column))
+        self.assertEqual(instance.try_set({"scene/" + next(iter(values)): 1.0}), ERROR)
+        instance.free()
+
+    def test_numbers_of_the_scene(self):
+        columns = ["motor/angle", "load/velocity", "motor/applied_torque", "load/reaction_torque"]
+        for version in (2, 3):
+            for values in ({"load/inertia": 3.25, "motor/inertia": 0.1}, {"engine/time_constant": 0.37},
+                           {"load/inertia": 1.5000001}, {"solver/absolute_tolerance": 1e-6, "load/inertia": 2.0}):
+                self.check_parameters("slip", version, values, 4.0, columns)
+        columns = ["motor/angle", "wheel/velocity", "wheel/acceleration", "states/cruise", "states/ratio_now"]
+        for values in ({"motor/inertia": 1.0, "wheel/inertia": 1.0}, {"cruise/ki": 1.5, "wheel/inertia": 2.5}):
+            self.check_parameters("memory", 3, values, 3.0, columns[:3] + columns[4:])
+        # Divisors, and products of two numbers.
+        self.check_parameters("locomotive", 3, {"train/wheel_radius": 0.6, "diesel/friction/regularization_speed": 1.3,
+                                                "train/quadratic": 25.0, "regulator/parameters/band": 3.0}, 4.0,
+                              ["engine/angle", "axle/velocity", "axle/reaction_torque"])
+
+    def test_given_accelerations_are_moved_anew(self):
+        """They are nearest to the scene's by the inertias that are set, and not to those of other ones."""
+        scene = self.folder / "circle.yaml"
+        scene.write_text("shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 1.5}\nconstraints: [c]\n"
+                         "c: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"e1^2 + e2^2 - p^2\",\n"
+                         "  parameters: {p: 2}}\ninitial: {acceleration: [1.0, 1.6], project: true}\n")
+        path = self.folder / "circle.fmu"
+        self.assertEqual(call(SIMULATE, scene, "--emit-fmu", path).returncode, 0)
+        archive = Archive(path, self.folder / "circle")
+        for values in ({}, {"b/inertia": 12.0}, {"c/parameters/p": 3.0, "a/inertia": 4.0}):
+            words = [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
+            row = parse(call(SIMULATE, scene, "--times", 0, *words).stdout)[0]
+            instance = Instance(archive)
+            self.assertEqual(instance.try_set({"scene/" + name: value for name, value in values.items()}), OK)
+            self.assertEqual(instance.initialize(), OK, instance.log)
+            for name in ("a/acceleration", "b/acceleration", "b/reaction_torque"):
+                self.assertAlmostEqual(instance.get([name])[0], float(row[name]), delta=1e-9, msg=values)
+            instance.free()
+
+    def test_tolerances(self):
+        ends = []
+        for tolerance in (1e-9, 1e-5, 1e-12):
+            instance = Instance(self.archive("memory"))
+            self.assertEqual(instance.try_set({"scene/solver/relative_tolerance": tolerance,
+                                               "scene/solver/absolute_tolerance": tolerance}), OK, instance.log)
+            self.assertEqual(instance.initialize(), OK, instance.log)
+            self.assertEqual(instance.step(0.0, 5.0), OK, instance.log)
+            ends.append(instance.get(["motor/angle"])[0])
+            instance.free()
+        self.assertNotEqual(ends[1], ends[0])
+        self.assertLess(abs(ends[1] - ends[2]), 1e-2)
+        self.assertLess(abs(ends[0] - ends[2]), 1e-6)
+
+    def test_parameters_that_are_refused(self):
+        for version in (2, 3):
+            archive = self.archive("slip", version)
+            names = [it for it in archive.variables if it.startswith("scene/")]
+            self.assertNotIn("scene/engine/max", names)
+            self.assertNotIn("scene/initial/velocity", names)
+            instance = Instance(archive)
+            for path, value in (("load/inertia", 0.0), ("load/inertia", -1.0), ("engine/time_constant", 0.0),
+                                ("solver/relative_tolerance", 0.5), ("solver/maximum_step", -1.0)):
+                self.assertEqual(instance.try_set({"scene/" + path: value}), ERROR, path)
+                self.assertIn(f"scene/{path} is {value:g}; allowed: ", instance.log[-1][1])
+            self.assertEqual(instance.try_set({"scene/load/inertia": math.nan}), DISCARD)
+            self.assertEqual(instance.initialize(), OK)
+            instance.free()
+
+    # --- derivatives ---
+
+    def test_derivatives_are_those_of_the_motion(self):
+        outputs = ["motor/acceleration", "load/acceleration", "motor/applied_torque", "motor/reaction_torque",
+                   "motor/reaction_torque_rate", "clutch/torque", "clutch/reserve", "motor/angle"]
+        inputs = ["inputs/torque", "inputs/capacity"]
+        for version in (2, 3):
+            instance = self.start("slip", version)
+            modes = set()
+            for at, length in ((0.0, 0.25), (0.25, 0.25), (0.5, 2.0), (2.5, 1.0)):
+                self.assertEqual(instance.step(at, length), OK)
+                modes.add(instance.mode("clutch/mode"))
+                state, columns = instance.copy(), []
+                before = instance.get(outputs)
+                for name in inputs:
+                    status, slopes = instance.differentiate(outputs, [name], [1.0])
+                    self.assertEqual(status, OK, instance.log)
+                    columns.append(slopes)
+                    moved, u, h = [], instance.get([name])[0], 1e-3
+                    for sign in (1, -1):
+                        self.assertEqual(instance.try_set({name: u + sign * h}), OK)
+                        moved.append(instance.get(outputs))
+                        self.assertEqual(instance.take(state), OK)
+                    for slope, plus, minus in zip(slopes, *moved):
+                        expected = (plus - minus) / (2 * h)
+                        self.assertAlmostEqual(slope, expected, delta=1e-8 * (1 + abs(expected)))
+                self.assertEqual(instance.get(outputs), before)  # nothing has moved
+                status, both = instance.differentiate(outputs, inputs, [2.0, -3.0])
+                for value, a, b in zip(both, *columns):
+                    self.assertAlmostEqual(value, 2 * a - 3 * b, delta=1e-12 * (abs(a) + abs(b)))
+                if version == 3:
+                    seeds = [0.5 * n - 1 for n in range(len(outputs))]
+                    status, adjoint = instance.differentiate(outputs, inputs, seeds, adjoint=True)
+                    self.assertEqual(status, OK)
+                    for value, column in zip(adjoint, columns):
+                        expected = sum(map(lambda a, b: a * b, seeds, column))
+                        self.assertAlmostEqual(value, expected, delta=1e-12 * (1 + abs(expected)))
+                instance.free_state(state)
+            self.assertEqual(modes, {-1, 0})
+            for unknown, known in (("inputs/torque", "inputs/torque"), ("time", "inputs/torque"),
+                                   ("motor/angle", "motor/angle"), ("motor/angle", "initial/motor/angle")):
+                self.assertEqual(instance.differentiate([unknown], [known], [1.0])[0], ERROR)
+            instance.free()
+
+    def test_derivatives_are_those_of_the_linear_model(self):
+        outputs = [f"{shaft}/{quantity}" for shaft in ("motor", "wheel")
+                   for quantity in ("angle", "velocity", "acceleration", "applied_torque", "reaction_torque")]
+        path = self.folder / "linear.csv"
+        done = call(SIMULATE, FOLDER / (SCENES["memory"] + ".yaml"), "--linearize", "--at", 0.7, "--output", path)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        entries = {(it["matrix"], it["row"], it["column"]): float(it["value"]) for it in parse(path.read_text())}
+        instance = self.start("memory")
+        self.assertEqual(instance.step(0.0, 0.7), OK)
+        for name in ("throttle", "stop"):  # of `stop`, which is at its limit, from one side
+            status, slopes = instance.differentiate(outputs, ["inputs/" + name], [1.0])
+            self.assertEqual(status, OK, instance.log)
+            for output, slope in zip(outputs, slopes):
+                expected = entries["D", output, name]
+                self.assertAlmostEqual(slope, expected, delta=1e-9 * (1 + abs(expected)), msg=(output, name))
+        instance.free()
+
+    def test_derivatives_at_the_start(self):
+        instance = Instance(self.archive("engine"))
+        self.assertEqual(instance.enter(), OK)
+        # Q = 0.2 (120 - 0.2 w), J = 0.2
+        for name, expected in (("initial/engine/velocity", -0.2), ("inputs/throttle", 500.0), ("inputs/load", -5.0),
+                               ("scene/engine/inertia", -0.2 * 100 / 0.2**2)):
+            status, slopes = instance.differentiate(["engine/acceleration"], [name], [1.0])
+            self.assertEqual(status, OK, instance.log)
+            self.assertAlmostEqual(slopes[0], expected, delta=1e-9 * abs(expected), msg=name)
         instance.free()
 
     def test_returns_early_at_events(self):
@@ -320,7 +504,7 @@ class FmuTest(TestCase):
             self.assertEqual(instance.try_get(["motor/angle"])[0], ERROR)
             self.assertEqual(instance.step(0.0, 1.0), ERROR)
             self.assertEqual(instance.call("ExitInitializationMode"), ERROR)
-            self.assertEqual(instance.enter(start=1.0), ERROR)
+            self.assertEqual(instance.enter(start=-1.0), ERROR)
             self.assertEqual(instance.call("Terminate"), ERROR)
             self.assertEqual(instance.initialize(), OK)
             self.assertEqual(instance.call("ExitInitializationMode"), ERROR)
@@ -350,7 +534,8 @@ class FmuTest(TestCase):
         for version in (2, 3):
             path = self.folder / f"ends{version}.fmu"
             self.assertEqual(call(SIMULATE, scene, "--emit-fmu", path, "--fmi", version).returncode, 0)
-            instance = Instance(Archive(path, self.folder / f"ends{version}"))
+            archive = Archive(path, self.folder / f"ends{version}")
+            instance = Instance(archive)
             self.assertEqual(instance.initialize(), OK, instance.log)
             self.assertEqual(instance.step(0.0, 0.5), OK)
             self.assertEqual(instance.step(0.5, 1.0), DISCARD)
@@ -359,6 +544,14 @@ class FmuTest(TestCase):
                 self.assertTrue(instance.ends)
                 self.assertAlmostEqual(instance.reached, 1.0, delta=1e-3)
             self.assertEqual(instance.step(instance.get(["time"])[0], 1.0), DISCARD)
+            instance.free()
+            # From another start on: w = 2/3 ((1 - t_0)^1.5 - (1 - t)^1.5)
+            instance = Instance(archive)
+            self.assertEqual(instance.initialize(0.5), OK, instance.log)
+            self.assertEqual(instance.step(0.5, 0.25), OK, instance.log)
+            speed, acceleration = instance.get(["a/velocity", "a/acceleration"])
+            self.assertAlmostEqual(speed, 2 / 3 * (0.5**1.5 - 0.25**1.5), delta=1e-9)
+            self.assertAlmostEqual(acceleration, 0.5, delta=1e-12)
             instance.free()
 
     def test_usage(self):

@@ -19,7 +19,7 @@ import zipfile
 
 # Every operation rounds separately, as in the package itself, and every function is the library's.
 OPTIONS = ["-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-tree-slp-vectorize", "-fno-builtin",
-           "-fvisibility=hidden", "-Wall", "-Wextra", "-Werror", "-Wno-unused-variable", "-Wno-psabi"]
+           "-fvisibility=hidden"]
 LINKING = ["-fPIC", "-shared", "-fno-semantic-interposition", "-fno-plt", "-s"]
 # Names of platforms by machine, in FMI 2 and 3.
 PLATFORMS = {"x86_64": {2: "linux64", 3: "x86_64-linux"}, "aarch64": {2: "aarch64-linux", 3: "aarch64-linux"}}
@@ -129,12 +129,13 @@ def describe_model(model, variables):
     abilities = {"modelIdentifier": model["name"], "canHandleVariableCommunicationStepSize": "true"}
     if version == 2:
         abilities.update(canGetAndSetFMUstate="true", canSerializeFMUstate="true",
-                         canNotUseMemoryManagementFunctions="true")
+                         canNotUseMemoryManagementFunctions="true", providesDirectionalDerivative="true")
         source = _element(root, "CoSimulation", **abilities)
         _element(_element(source, "SourceFiles"), "File", name=f"{model['name']}.c")
     else:
         abilities.update(canGetAndSetFMUState="true", canSerializeFMUState="true", hasEventMode="true",
-                         mightReturnEarlyFromDoStep="true")
+                         mightReturnEarlyFromDoStep="true", providesDirectionalDerivatives="true",
+                         providesAdjointDerivatives="true")
         _element(root, "CoSimulation", **abilities)
     _describe_units(root, model["units"])
     if any(it.kind == "mode" for it in variables):
@@ -225,7 +226,7 @@ def write_archive(model, path):
     variables = [Variable(reference, entry) for reference, entry in enumerate(model["variables"])]
     if len({it.name for it in variables}) < len(variables):
         raise RuntimeError("two variables of the FMU have one name: an element is called like another's quantity, "
-                           "or 'inputs', 'outputs', 'initial', 'states' or 'variables'")
+                           "or 'inputs', 'outputs', 'initial', 'scene', 'states' or 'variables'")
     members = {"modelDescription.xml": describe_model(model, variables),
                "documentation/index.html": write_page(model, variables),
                f"sources/{model['name']}.c": model["source"]}

@@ -4,9 +4,11 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <memory>
 #include <utility>
 #include <vector>
 
+#include "emit_fmu/fmu_parameters.h"
 #include "expression/series_dot.h"
 #include "expression/series_text.h"
 #include "motion_program/c_text.h"
@@ -81,6 +83,12 @@ std::vector<Node> nodesOf(const std::vector<Shown>& shown) {
   return nodes;
 }
 
+std::unique_ptr<MotionProgram> makeProgram(const Scene& scene) {
+  auto made = std::make_unique<MotionProgram>(scene, nodesOf(listShown(scene)));
+  made->requireSteps();
+  return made;
+}
+
 /// Writes the variables in the order of their value references (runtime/fmu.h).
 class Variables {
  public:
@@ -106,9 +114,8 @@ class FmuWriter {
         scene_(simulation.scene()),
         version_(version),
         shown_(listShown(scene_)),
-        program_(scene_, nodesOf(shown_)) {
-    program_.requireSteps();
-  }
+        parameters_(scene_, makeProgram),
+        program_(parameters_.program()) {}
 
   std::string write(const std::string& name, const std::string& title) {
     const std::string source = writeSource();
@@ -148,11 +155,12 @@ class FmuWriter {
   }
   std::vector<std::string> unitsUsed() const {
     std::vector<std::string> names = {"s", "rad", "rad/s", "rad/s^2", "N m", "N m/s", "W", "J"};
-    for (const Output& it : scene_.outputs) {
-      if (!it.unit().empty() && std::find(names.begin(), names.end(), it.unit()) == names.end()) {
-        names.push_back(it.unit());
-      }
-    }
+    const auto add = [&names](const std::string& unit) {
+      const bool is_known = std::find(names.begin(), names.end(), unit) != names.end();
+      if (!unit.empty() && !is_known) names.push_back(unit);
+    };
+    for (const Output& it : scene_.outputs) add(it.unit());
+    for (const FmuParameters::Parameter& it : parameters_.list()) add(unitOf(it));
     return names;
   }
 
@@ -182,11 +190,7 @@ class FmuWriter {
     addParameters(made);
     for (const CommandInputSettings& it : scene_.inputs) {
       if (it.kind != InputKind::kCommanded) continue;
-      const auto limit = [](const char* key, double value) {
-        return std::isinf(value) ? "" : std::string(", \"") + key + "\": " + literalOf(value);
-      };
-      made.addStart("input", "inputs/" + it.name, "", it.initial,
-                    limit("min", it.minimum) + limit("max", it.maximum));
+      made.addStart("input", "inputs/" + it.name, "", it.initial, limits(it.minimum, it.maximum));
     }
     for (const std::string& hold : program_.holdNames()) made.add("mode", hold + "/mode", "");
     return made.text();
@@ -212,6 +216,17 @@ class FmuWriter {
                     scene_.initial.velocity[i]);
     }
     addMemory("parameter", "initial/", made);
+    for (const FmuParameters::Parameter& it : parameters_.list()) {
+      made.addStart("parameter", "scene/" + it.path, unitOf(it), it.start,
+                    limits(it.range.minimum, it.range.maximum));
+    }
+  }
+  static std::string limits(double minimum, double maximum) {
+    return (std::isinf(minimum) ? "" : ", \"min\": " + literalOf(minimum)) +
+           (std::isinf(maximum) ? "" : ", \"max\": " + literalOf(maximum));
+  }
+  static std::string unitOf(const FmuParameters::Parameter& it) {
+    return it.range.unit == "1" ? "" : it.range.unit;
   }
 
   /// Writes the state that the motion goes on from, if another one than the program has found it.
@@ -236,13 +251,13 @@ class FmuWriter {
         multiplier.assign(first.multiplier, first.multiplier + constraints);
       }
       longest.assign(state.history.longest_row, state.history.longest_row + constraints);
-    } else if (!scene_.initial.acceleration.empty()) {
-      acceleration = scene_.initial.acceleration;
     }
+    const std::vector<double>& given = scene_.initial.acceleration;
     return "enum { FMU_IS_SETTLED = " + std::to_string(is_settled ? 1 : 0) + " };\n" +
            arrayOf("double", "initial_angle", angle) +
            arrayOf("double", "initial_velocity", velocity) +
            arrayOf("double", "initial_acceleration", acceleration) +
+           arrayOf("double", "given_acceleration", given.empty() ? acceleration : given) +
            arrayOf("double", "initial_reaction", reaction) +
            arrayOf("double", "initial_multiplier", multiplier) +
            arrayOf("double", "initial_longest", longest);
@@ -261,13 +276,118 @@ class FmuWriter {
       if (it.kind == InputKind::kVariable) parameter.push_back(it.initial);
       if (it.kind == InputKind::kCommanded) command.push_back(i);
     }
-    return "enum {\n  FMU_PARAMETERS = " + std::to_string(parameter.size()) +
+    const std::size_t starts = parameter.size();
+    for (const FmuParameters::Parameter& it : parameters_.list()) parameter.push_back(it.start);
+    return "enum {\n  FMU_STARTS = " + std::to_string(starts) +
+           ",\n  FMU_PARAMETERS = " + std::to_string(parameter.size()) +
            ",\n  FMU_COMMANDS = " + std::to_string(command.size()) +
            ",\n  FMU_ROWS = " + std::to_string(shown_.size()) + "\n};\n" +
            arrayOf("double", "fmu_parameter", parameter) + arrayOf("int", "fmu_command", command) +
-           arrayOf("int", "fmu_row", program_.rowsOf(nodesOf(shown_)).values) +
+           arrayOf("int", "fmu_row", program_.shownRows().values) +
            "static const long fmu_most_steps = " + std::to_string(scene_.solver.maximum_steps) +
            ";\nstatic const char fmu_token[] = \"@TOKEN@\";\n";
+  }
+
+  /// Writes the lists that kernels leave to their host.
+  std::string writeLists() const {
+    std::string text;
+#define VARIATOR_SIM_WRITE(type, name) text += arrayOf(#type, "fmu_" #name, program_.name.values);
+    VARIATOR_SIM_MOTION_COMMANDS(VARIATOR_SIM_WRITE)
+    VARIATOR_SIM_WRITE(double, timeout_of)
+#undef VARIATOR_SIM_WRITE
+    return text;
+  }
+
+  std::string writeTables() const {
+    std::string text;
+    std::vector<std::string> of_one, of_two, passages;
+    for (const MotionRows::DenseTable& it : program_.rows().tables()) {
+      const std::string name = "fmu_table_" + std::to_string(of_one.size());
+      const std::string x = std::to_string(it.points.front().size());
+      const std::string y = std::to_string(it.points.back().size());
+      text += arrayOf("double", name + "_x", it.points.front()) +
+              arrayOf("double", name + "_y", it.points.back()) +
+              arrayOf("double", name + "_pieces", it.pieces);
+      of_one.push_back("{" + x + ", " + name + "_x, " + name + "_pieces}");
+      of_two.push_back("{" + x + ", " + y + ", " + name + "_x, " + name + "_y, " + name +
+                       "_pieces}");
+    }
+    for (const std::vector<double>& points : program_.passages) {
+      passages.push_back("fmu_passage_" + std::to_string(passages.size()));
+      text += arrayOf("double", passages.back(), points);
+    }
+    if (of_one.empty()) of_one = of_two = {"{0}"};
+    return text + arrayOf("vs_table", "fmu_table", of_one) +
+           arrayOf("vs_table_of_two", "fmu_table_of_two", of_two) +
+           arrayOf("double *const", "fmu_passage_points", passages);
+  }
+
+  /// Writes the numbers of the program, and where their kinds begin.
+  std::string writeNumbers() const {
+    const std::vector<double> numbers = FmuParameters::numbersOf(program_);
+    std::string text = "enum {\n  FMU_NUMBERS = " + std::to_string(numbers.size());
+    std::size_t place = 4;
+    const auto add = [&](const char* name, std::size_t size) {
+      text += std::string(",\n  FMU_") + name + " = " + std::to_string(place);
+      place += size;
+    };
+    add("CONSTANTS", program_.rows().numbers().size());
+    add("COUPLING", program_.coupling.values.size());
+    add("CONSTANT_VALUE", program_.constant_value.values.size());
+    add("RESTITUTION", program_.restitution.values.size());
+    add("CLOSES_BELOW", program_.closes_below.values.size());
+    add("PARAMETER_OF", program_.parameter_of.values.size());
+    add("FACTORS", 0);
+    std::vector<std::string> operations;
+    for (const expression::SeriesOperation& it : program_.resolved.values) {
+      std::string row = "{";
+      for (const int n :
+           {it.kind, it.result, it.second, it.a, it.b, it.degree, it.state, it.power}) {
+        row += std::to_string(n) + ", ";
+      }
+      operations.push_back(row + "0.0, 0.0}");
+    }
+    operations.emplace_back("{0}");
+    return text + "\n};\n" + arrayOf("double", "fmu_number", numbers) +
+           arrayOf("struct SeriesOperation", "fmu_operation", operations);
+  }
+
+  /// Writes how numbers follow from parameters.
+  std::string writePowers() const {
+    std::vector<int> places, begins, parameters, exponents;
+    std::vector<double> factors;
+    for (const FmuParameters::Dependent& it : parameters_.dependents()) {
+      places.push_back(it.place);
+      factors.push_back(it.factor);
+      begins.push_back(static_cast<int>(parameters.size()));
+      for (const auto& [parameter, exponent] : it.powers) {
+        parameters.push_back(parameter);
+        exponents.push_back(exponent);
+      }
+    }
+    begins.push_back(static_cast<int>(parameters.size()));
+    return "enum { FMU_DEPENDENTS = " + std::to_string(places.size()) + " };\n" +
+           arrayOf("int", "fmu_dependent", places) + arrayOf("double", "fmu_factor", factors) +
+           arrayOf("int", "fmu_power_begin", begins) + arrayOf("int", "fmu_power_of", parameters) +
+           arrayOf("int", "fmu_power", exponents);
+  }
+
+  std::string writeAllowed() const {
+    std::vector<std::string> rows;
+    for (const FmuParameters::Parameter& it : parameters_.list()) {
+      const Range& range = it.range;
+      const std::string unit = unitOf(it);
+      const std::string words = range.toText() + (it.is_never_zero ? ", not 0" : "") +
+                                (unit.empty() ? "" : ", in " + unit);
+      const auto flag = [](bool is) { return is ? "1, " : "0, "; };
+      rows.push_back("{" + literalOf(range.minimum) + ", " + literalOf(range.maximum) + ", " +
+                     flag(range.minimum_included) + flag(range.maximum_included) +
+                     flag(it.is_never_zero) + "\"" + harmless(it.path) + "\", \"" +
+                     harmless(words) + "\"}");
+    }
+    return "typedef struct {\n  double low, high;\n  int has_low, has_high, is_never_zero;\n"
+           "  const char *path, *allowed;\n} fmu_allowance;\n" +
+           arrayOf("fmu_allowance", "fmu_allowed", rows);
   }
 
   std::string writeSource() {
@@ -275,9 +395,10 @@ class FmuWriter {
            "#include <stdlib.h>\n#include <string.h>\n\n" + expression::arithmeticOfCode() +
            "#define VS_FUNCTION static __attribute__((unused))\n#define VS_FUNCTION_INLINE "
            "VS_INLINE\n#define VS_FUNCTION_RARE VS_RARE\n" +
-           program_.writeExtents() + kSceneHeader +
-           program_.writeMotion(expression::kOperationsText, false) + kExchangeData + kExchange +
-           kCommands + kHost + "\n" + writeConstants() + writeStart() + kFmu +
+           "#define UNITS 1\n#define UNIT 0\n" + program_.writeExtents() + kSceneHeader +
+           kTableData + kExchangeData + program_.writeMotion(expression::kOperationsText, true) +
+           kExchange + kCommands + kHost + "\n" + writeLists() + writeTables() + writeNumbers() +
+           writePowers() + writeAllowed() + writeConstants() + writeStart() + kFmu +
            (version_ == 2 ? kFmi2 : kFmi3);
   }
 
@@ -285,7 +406,8 @@ class FmuWriter {
   const Scene& scene_;
   const int version_;
   const std::vector<Shown> shown_;
-  const MotionProgram program_;
+  const FmuParameters parameters_;
+  const MotionProgram& program_;
 };
 
 }  // namespace

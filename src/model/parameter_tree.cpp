@@ -9,6 +9,7 @@
 #include <system_error>
 #include <utility>
 
+#include "model/noted_ranges.h"
 #include "variator_sim/nearest_name.h"
 #include "variator_sim/units.h"
 
@@ -234,9 +235,11 @@ const std::string& requireText(const ParameterTree& value, const std::string& pa
 
 thread_local std::set<std::string>* noted_keys = nullptr;
 thread_local std::map<std::string, double>* noted_numbers = nullptr;
+thread_local std::map<std::string, Range>* noted_ranges = nullptr;
 
-double noteNumber(const std::string& path, double number) {
+double noteNumber(const std::string& path, double number, const Range& range) {
   if (noted_numbers != nullptr) (*noted_numbers)[path] = number;
+  if (noted_ranges != nullptr) (*noted_ranges)[path] = range;
   return number;
 }
 
@@ -310,6 +313,10 @@ void ParameterReader::noteNumbers(std::map<std::string, double>* numbers) {
   noted_numbers = numbers;
 }
 
+void noteRanges(std::map<std::string, Range>* ranges) {
+  noted_ranges = ranges;
+}
+
 void ParameterReader::allow(const std::string& key) {
   known_.insert(key);
   if (noted_keys != nullptr) noted_keys->insert(keyPath(key));
@@ -352,12 +359,14 @@ double ParameterReader::toNumber(const ParameterTree& value, const std::string& 
   if (!range.contains(number)) {
     throw SceneError(path, value.toText() + " is out of range; allowed: " + allowed);
   }
-  return noteNumber(path, number);
+  return noteNumber(path, number, range);
 }
 
 double ParameterReader::number(const std::string& key, const Range& range,
                                std::optional<double> default_value) {
-  if (raw(key) == nullptr && default_value) return noteNumber(keyPath(key), *default_value);
+  if (raw(key) == nullptr && default_value) {
+    return noteNumber(keyPath(key), *default_value, range);
+  }
   const bool any = range.toText() == Range::any().toText();
   const std::string what = any ? "a number" : "a number " + range.toText();
   return toNumber(require(key, what), keyPath(key), range);

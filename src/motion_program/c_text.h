@@ -23,7 +23,7 @@ extern const char* const kExchange;
 extern const char* const kCommands;
 extern const char* const kHost;
 extern const char* const kHostKernel;
-/// fmu.h, fmu_instance.h; fmi2.h, fmi.h; fmi3.h, fmi.h
+/// fmu.h, fmu_instance.h, fmu_derivatives.h; fmi2.h, fmi.h; fmi3.h, fmi.h
 extern const char* const kFmu;
 extern const char* const kFmi2;
 extern const char* const kFmi3;

@@ -46,6 +46,7 @@ class MotionProgram : public MotionData {
 
   /// Returns the rows of formulas of the program.
   MotionList<int> rowsOf(const std::vector<expression::Node>& nodes) const;
+  MotionList<int> shownRows() const { return rowsOf(shown_); }
 
   /// Returns words that are equal for scenes whose kernels have the same text.
   std::vector<int> structure() const;

@@ -46,9 +46,8 @@ FMI_EXPORT void* fmi2Instantiate(const char* name, int type, const char* token,
 
 FMI_EXPORT int fmi2SetupExperiment(void* c, int has_tolerance, double tolerance, double start,
                                    int has_end, double end) {
-  const int status = fmu_check(c, FMU_INSTANTIATED, __func__);
   (void)has_tolerance, (void)tolerance, (void)has_end, (void)end;
-  return status == FMU_OK ? fmu_check_start(c, start, __func__) : status;
+  return fmu_begin_at(c, start, __func__);
 }
 FMI_EXPORT int fmi2EnterInitializationMode(void* c) {
   return fmu_enter_initialization(c, __func__);
@@ -82,8 +81,7 @@ FMI2_ABSENT(fmi2SetString, const char* const*)
 FMI_EXPORT int fmi2GetDirectionalDerivative(void* c, const unsigned* unknown, size_t unknowns,
                                             const unsigned* known, size_t knowns,
                                             const double* seed, double* value) {
-  (void)unknown, (void)unknowns, (void)known, (void)knowns, (void)seed, (void)value;
-  return fmu_fail(c, FMU_ERROR, __func__, "not provided");
+  return fmu_get_derivatives(c, unknown, unknowns, known, knowns, seed, value, 0, __func__);
 }
 FMI_EXPORT int fmi2SetRealInputDerivatives(void* c, const unsigned* vr, size_t n, const int* order,
                                            const double* value) {

@@ -61,7 +61,7 @@ FMI_EXPORT void* fmi3InstantiateScheduledExecution(const char* name, const char*
 
 FMI_EXPORT int fmi3EnterInitializationMode(void* c, bool has_tolerance, double tolerance,
                                            double start, bool has_end, double end) {
-  const int status = fmu_check_start(c, start, __func__);
+  const int status = fmu_begin_at(c, start, __func__);
   (void)has_tolerance, (void)tolerance, (void)has_end, (void)end;
   return status == FMU_OK ? fmu_enter_initialization(c, __func__) : status;
 }
@@ -205,13 +205,14 @@ FMI_EXPORT int fmi3GetVariableDependencies(void* c, uint32_t dependent, size_t* 
   (void)count;
   return fmu_fail(c, FMU_ERROR, __func__, "not provided");
 }
-#define FMI3_DERIVATIVE(name)                                                                 \
+#define FMI3_DERIVATIVE(name, is_adjoint, of_seeds, of_values)                                \
   FMI_EXPORT int name(void* c, fmi3References unknown, size_t unknowns, fmi3References known, \
                       size_t knowns, const double* seed, size_t seeds, double* value,         \
                       size_t values) {                                                        \
-    (void)unknown, (void)unknowns, (void)known, (void)knowns, (void)seed, (void)seeds;        \
-    (void)value, (void)values;                                                                \
-    return fmu_fail(c, FMU_ERROR, __func__, "not provided");                                  \
+    if (seeds != of_seeds || values != of_values)                                             \
+      return fmu_fail(c, FMU_ERROR, __func__, "another number of values");                    \
+    return fmu_get_derivatives(c, unknown, unknowns, known, knowns, seed, value, is_adjoint,  \
+                               __func__);                                                     \
   }
-FMI3_DERIVATIVE(fmi3GetDirectionalDerivative)
-FMI3_DERIVATIVE(fmi3GetAdjointDerivative)
+FMI3_DERIVATIVE(fmi3GetDirectionalDerivative, 0, knowns, unknowns)
+FMI3_DERIVATIVE(fmi3GetAdjointDerivative, 1, unknowns, knowns)

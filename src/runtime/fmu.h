@@ -5,11 +5,17 @@
  * communication points changes one bit of the motion.
  *
  * The includer defines, beside the scene:
- *     FMU_PARAMETERS, FMU_COMMANDS, FMU_ROWS   numbers of parameters, commanded inputs, and rows
- *     fmu_parameter    start values: angles, velocities, states, variables
+ *     FMU_STARTS, FMU_PARAMETERS, FMU_COMMANDS, FMU_ROWS   numbers of start values, of parameters
+ *                      with them, of commanded inputs, and of rows
+ *     fmu_parameter    angles, velocities, states, variables, and numbers of the scene
+ *     fmu_allowed      what is allowed for these numbers
+ *     fmu_number       the numbers of vs_numbers, from places FMU_CONSTANTS, .. on; those at
+ *                      fmu_dependent follow from the parameters: number_j = factor_j prod p_i^e_ji
+ *     fmu_operation    `resolved`, without its factors, which are numbers, too
  *     fmu_command      the scene's input of each commanded one
  *     fmu_row          rows of further outputs
  *     FMU_IS_SETTLED   1: initial_.. are a state to go on from; 0: the motion begins by itself
+ *     given_acceleration   the scene's, or those of the state
  *     fmu_most_steps   steps in a second of the motion
  *     fmu_token        the instantiation token */
 
@@ -32,8 +38,12 @@ enum {
 /* All that a copy of an instance's state has. */
 typedef struct {
   vs_host host;
+  vs_numbers numbers; /* its arrays are `number`, `operation`, and constant ones */
+  double number[FMU_NUMBERS];
+  struct SeriesOperation operation[RESOLVED + 1];
   int phase;
   scene_status status;
+  double start;             /* s */
   double time;              /* the communication point, s */
   double begin, begin_rest; /* the start of the last step, s */
   int has_step, made_since;
@@ -63,8 +73,26 @@ static double fmu_resolution(double time) {
   return 4.0 * DBL_EPSILON * fabs(time);
 }
 
-/* Lets the exchanged arrays be those of this copy. */
+/* Lets the exchanged arrays and the numbers be those of this copy. */
 static void fmu_aim(fmu_motion* m) {
+  const double* const number = m->number;
+  /* (In the order of vs_numbers, most of whose names the scene's text defines.) */
+  const vs_numbers numbers = {number[0],
+                              number[1],
+                              number[2],
+                              number[3],
+                              number + FMU_CONSTANTS,
+                              number + FMU_COUPLING,
+                              number + FMU_CONSTANT_VALUE,
+                              fmu_passage_points,
+                              fmu_table,
+                              fmu_table_of_two,
+                              m->operation,
+                              number + FMU_RESTITUTION,
+                              number + FMU_CLOSES_BELOW};
+  m->numbers = numbers;
+  m->host.model.series[0].numbers = m->host.model.series[1].numbers = &m->numbers;
+  m->host.seen.numbers = &m->numbers;
   m->it.state = m->state;
   m->it.multiplier = m->multiplier;
   m->it.reaction = m->reaction;
@@ -87,21 +115,47 @@ static void fmu_describe_inputs(fmu_motion* m) {
 
 static void fmu_command_signal(fmu_motion* m, int i) {
   if (m->is_new[i] && m->signal[i].target != m->target[i])
-    (void)vs_command_signal(&m->signal[i], hold_of[i], parameter_of[i], m->target[i]);
+    (void)vs_command_signal(&m->signal[i], fmu_hold_of[i], m->number[FMU_PARAMETER_OF + i],
+                            m->target[i]);
 }
 
-/* True where no start value is another one than the scene's. */
+/* True where no start value is another one than the scene's, nor the time. */
 static int fmu_is_as_written(const fmu_motion* m) {
-  int i, is_same = 1;
+  int i, is_same = m->start == 0.0;
   for (i = 0; i < FMU_PARAMETERS; ++i) is_same &= m->parameter[i] == fmu_parameter[i];
-  for (i = 0; i < INPUTS; ++i) is_same &= !m->is_new[i] || m->target[i] == initial_input[i];
+  for (i = 0; i < INPUTS; ++i) is_same &= !m->is_new[i] || m->target[i] == fmu_initial_input[i];
   return is_same;
+}
+
+/* Computes the program's numbers from the parameters. */
+static void fmu_enter_parameters(fmu_motion* m) {
+  int d, k, n;
+  memcpy(m->number, fmu_number, sizeof m->number);
+  memcpy(m->operation, fmu_operation, sizeof m->operation);
+  for (d = 0; d < FMU_DEPENDENTS; ++d) {
+    double value = fmu_factor[d];
+    for (k = fmu_power_begin[d]; k < fmu_power_begin[d + 1]; ++k) {
+      const double base = m->parameter[FMU_STARTS + fmu_power_of[k]];
+      for (n = 0; n < fmu_power[k]; ++n) value *= base;
+      for (n = 0; n > fmu_power[k]; --n) value /= base;
+    }
+    m->number[fmu_dependent[d]] = value;
+  }
+  /* (The order is that for the scene's own tolerance.) */
+  if (m->number[0] != fmu_number[0])
+    m->number[3] = pow(fmax(m->number[0], 1e-16), 1.0 / SCENE_ORDER);
+  for (n = 0; n < RESOLVED; ++n) {
+    m->operation[n].f = m->number[FMU_FACTORS + n];
+    m->operation[n].g = m->number[FMU_FACTORS + RESOLVED + n];
+  }
 }
 
 static void fmu_start(fmu_motion* m) {
   const int is_settled = FMU_IS_SETTLED && fmu_is_as_written(m);
   int i;
   memset(&m->host, 0, sizeof m->host);
+  fmu_enter_parameters(m);
+  fmu_aim(m);
   vs_host_prepare(&m->host);
   memset(m->state, 0, sizeof m->state);
   memset(m->multiplier, 0, sizeof m->multiplier);
@@ -109,8 +163,9 @@ static void fmu_start(fmu_motion* m) {
   memset(m->reaction, 0, sizeof m->reaction);
   for (i = 0; i < 2 * S; ++i) m->state[i] = m->parameter[i];
   for (i = 0; i < S; ++i) {
-    if (is_settled || HAS_GIVEN_ACCELERATIONS) m->state[2 * S + i] = initial_acceleration[i];
+    m->state[2 * S + i] = given_acceleration[i]; /* or those that the search begins at */
     if (!is_settled) continue;
+    m->state[2 * S + i] = initial_acceleration[i];
     m->state[i] = initial_angle[i];
     m->state[S + i] = initial_velocity[i]; /* moved onto the constraints, where the scene lets it */
     m->reaction[i] = initial_reaction[i];
@@ -119,14 +174,15 @@ static void fmu_start(fmu_motion* m) {
     m->multiplier[i] = initial_multiplier[i];
     m->longest[i] = initial_longest[i];
   }
-  for (i = 0; i < INPUTS; ++i) vs_hold_constant(&m->signal[i], initial_input[i]);
+  for (i = 0; i < INPUTS; ++i) vs_hold_constant(&m->signal[i], fmu_initial_input[i]);
   for (i = 0; i < STATES; ++i)
     vs_hold_constant(&m->signal[state_input[i]], m->parameter[2 * S + i]);
   for (i = 0; i < VARIABLES; ++i)
     vs_hold_constant(&m->signal[variable_input[i]], m->parameter[2 * S + STATES + i]);
   for (i = 0; i < INPUTS; ++i) fmu_command_signal(m, i);
   fmu_describe_inputs(m);
-  m->it.time = m->it.time_rest = m->begin = m->begin_rest = 0.0;
+  m->it.time = m->begin = m->start;
+  m->it.time_rest = m->begin_rest = 0.0;
   m->it.usual = 1e-3; /* (The length of a first step is found from a series in this unit.) */
   m->it.begin = is_settled ? 0 : 1;
   m->it.are_given = HAS_GIVEN_ACCELERATIONS;
@@ -134,6 +190,11 @@ static void fmu_start(fmu_motion* m) {
   m->status = (scene_status)vs_host_begin(&m->host, &m->it);
   m->is_begun = 1;
   m->is_seen = m->has_step = m->made_since = 0;
+}
+
+static void fmu_set_start(fmu_motion* m, double start) {
+  m->start = m->time = m->origin = m->window = start;
+  m->is_begun = 0;
 }
 
 static void fmu_reset(fmu_motion* m) {
@@ -145,7 +206,7 @@ static void fmu_reset(fmu_motion* m) {
   m->instant = -1;
   m->expected = INFINITY;
   for (i = 0; i < FMU_PARAMETERS; ++i) m->parameter[i] = fmu_parameter[i];
-  for (i = 0; i < FMU_COMMANDS; ++i) m->given[i] = initial_input[fmu_command[i]];
+  for (i = 0; i < FMU_COMMANDS; ++i) m->given[i] = fmu_initial_input[fmu_command[i]];
   for (i = 0; i < INPUTS; ++i) m->commanded_at[i] = INFINITY;
 }
 
@@ -162,7 +223,7 @@ static double fmu_inside(const fmu_motion* m) {
 static void fmu_make_step(fmu_motion* m) {
   enum { MOST_BETWEEN = 64 }; /* steps between two beginnings, as the simulation has them */
   const double expected = fmu_beyond(m, m->expected);
-  double left = fmin(MAXIMUM_STEP, 1e6);
+  double left = fmin(m->number[2], 1e6);
   if (m->it.time + m->it.time_rest - m->window >= 1.0) {
     m->window = m->it.time + m->it.time_rest;
     m->made = 0;
@@ -255,14 +316,14 @@ static void fmu_settle(fmu_motion* m) {
 static void fmu_command_input(fmu_motion* m, int command, double value) {
   const int i = fmu_command[command];
   m->given[command] = value;
-  m->target[i] = fmin(maximum_of[i], fmax(minimum_of[i], value));
+  m->target[i] = fmin(fmu_maximum_of[i], fmax(fmu_minimum_of[i], value));
   m->is_new[i] = 1;
   m->commanded_at[i] = m->time;
   if (m->is_start) m->is_begun = 0;
 }
 
 static double fmu_timeout(const fmu_motion* m, int i) {
-  return timeout_of[i] > 0.0 ? m->commanded_at[i] + timeout_of[i] : INFINITY;
+  return fmu_timeout_of[i] > 0.0 ? m->commanded_at[i] + fmu_timeout_of[i] : INFINITY;
 }
 
 /* Inputs whose command is overdue fall back. */
@@ -271,8 +332,8 @@ static void fmu_apply_timeouts(fmu_motion* m) {
   for (i = 0; i < INPUTS; ++i) {
     if (fmu_timeout(m, i) > m->time + fmu_resolution(m->time)) continue;
     m->commanded_at[i] = INFINITY;
-    if (!falls_to_zero[i]) continue;
-    m->target[i] = fmin(maximum_of[i], fmax(minimum_of[i], 0.0));
+    if (!fmu_falls_to_zero[i]) continue;
+    m->target[i] = fmin(fmu_maximum_of[i], fmax(fmu_minimum_of[i], 0.0));
     m->is_new[i] = 1;
   }
 }

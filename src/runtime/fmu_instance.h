@@ -67,8 +67,18 @@ static int fmu_enter_initialization(fmu_instance* f, const char* function) {
   return status;
 }
 
-static int fmu_check_start(const fmu_instance* f, double start, const char* function) {
-  return start == 0.0 ? FMU_OK : fmu_fail(f, FMU_ERROR, function, "the motion begins at time 0, s");
+/* The scene's time begins at `start`, s. */
+static int fmu_begin_at(fmu_instance* f, double start, const char* function) {
+  const int status = fmu_check(f, FMU_INSTANTIATED, function);
+  char why[200];
+  if (status != FMU_OK) return status;
+  snprintf(why, sizeof why,
+           "the start time is %.17g s; allowed: from 0 to 1e9 (laws that are to read an earlier "
+           "time: t less a constant in the scene's formulas)",
+           start);
+  if (!(start >= 0.0 && start <= 1e9)) return fmu_fail(f, FMU_ERROR, function, why);
+  fmu_set_start(&f->motion, start);
+  return FMU_OK;
 }
 
 static int fmu_stop(const fmu_instance* f, int status, const char* function) {
@@ -123,19 +133,40 @@ static int fmu_get_mode(fmu_instance* f, unsigned reference, int* mode, const ch
   return FMU_OK;
 }
 
+/* True for an input, and for a parameter before the motion. */
+static int fmu_may_set(const fmu_instance* f, unsigned reference) {
+  const int may_start = f->motion.phase & (FMU_INSTANTIATED | FMU_INITIALIZING);
+  return reference < FMU_FIRST_MODE &&
+         reference >= (unsigned)(may_start ? FMU_FIRST_PARAMETER : FMU_FIRST_COMMAND);
+}
+
+static int fmu_check_allowed(const fmu_instance* f, unsigned reference, double value,
+                             const char* function) {
+  const unsigned first = FMU_FIRST_PARAMETER + FMU_STARTS;
+  char why[256];
+  const fmu_allowance* a;
+  if (!isfinite(value)) return fmu_fail(f, FMU_DISCARD, function, "a value is not finite");
+  if (reference < first || reference >= FMU_FIRST_COMMAND) return FMU_OK;
+  a = &fmu_allowed[reference - first];
+  if ((a->has_low ? value >= a->low : value > a->low) &&
+      (a->has_high ? value <= a->high : value < a->high) && !(a->is_never_zero && value == 0.0))
+    return FMU_OK;
+  snprintf(why, sizeof why, "scene/%.100s is %.17g; allowed: %.100s", a->path, value, a->allowed);
+  return fmu_fail(f, FMU_ERROR, function, why);
+}
+
 /* All or none of them are set. */
 static int fmu_set_numbers(fmu_instance* f, const unsigned* reference, size_t count,
                            const double* value, const char* function) {
-  const int status =
+  int status =
       fmu_check(f, FMU_INSTANTIATED | FMU_INITIALIZING | FMU_STEPPING | FMU_EVENT, function);
-  const int may_start = f != NULL && (f->motion.phase & (FMU_INSTANTIATED | FMU_INITIALIZING));
   size_t n;
   if (status != FMU_OK) return status;
   for (n = 0; n < count; ++n) {
-    const unsigned first = may_start ? FMU_FIRST_PARAMETER : FMU_FIRST_COMMAND;
-    if (reference[n] < first || reference[n] >= FMU_FIRST_MODE)
+    if (!fmu_may_set(f, reference[n]))
       return fmu_fail(f, FMU_ERROR, function, "no input, nor a parameter that may be set now");
-    if (!isfinite(value[n])) return fmu_fail(f, FMU_DISCARD, function, "a value is not finite");
+    status = fmu_check_allowed(f, reference[n], value[n], function);
+    if (status != FMU_OK) return status;
   }
   for (n = 0; n < count; ++n) fmu_set(&f->motion, reference[n], value[n]);
   return FMU_OK;

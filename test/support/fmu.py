@@ -81,8 +81,8 @@ class Instance:
         return self.call("EnterInitializationMode", c.c_bool(False), c.c_double(0.0), c.c_double(start),
                          c.c_bool(False), c.c_double(0.0))
 
-    def initialize(self):
-        return self.enter() or self.call("ExitInitializationMode")
+    def initialize(self, start=0.0):
+        return self.enter(start) or self.call("ExitInitializationMode")
 
     def _numbers(self, word, names, values):
         count = len(names)
@@ -102,6 +102,19 @@ class Instance:
         status, values = self.try_get(names)
         assert status == OK, self.log
         return values
+
+    def differentiate(self, unknowns, knowns, seeds, adjoint=False):
+        """The status, and what the directional derivative is, or the adjoint one (FMI 3)."""
+        def numbers(values):
+            return (c.c_double * len(values))(*values)
+        references = [(c.c_uint32 * len(names))(*(self.archive.reference.get(it, it) for it in names))
+                      for names in (unknowns, knowns)]
+        values = numbers([0.0] * len(knowns if adjoint else unknowns))
+        more = [[c.c_size_t(len(it))] if self.version == 3 else [] for it in (seeds, values)]
+        status = self.call("Get" + ("Adjoint" if adjoint else "Directional") + "Derivative", references[0],
+                           c.c_size_t(len(unknowns)), references[1], c.c_size_t(len(knowns)), numbers(seeds), *more[0],
+                           values, *more[1])
+        return status, list(values)
 
     def mode(self, name):
         reference = (c.c_uint32 * 1)(self.archive.reference[name])
