@@ -89,7 +89,8 @@ static void fmu_aim(fmu_motion* m) {
                               fmu_table_of_two,
                               m->operation,
                               number + FMU_RESTITUTION,
-                              number + FMU_CLOSES_BELOW};
+                              number + FMU_CLOSES_BELOW,
+                              number}; /* (no delays) */
   m->numbers = numbers;
   m->host.model.series[0].numbers = m->host.model.series[1].numbers = &m->numbers;
   m->host.seen.numbers = &m->numbers;
