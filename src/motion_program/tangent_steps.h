@@ -10,8 +10,8 @@
 
 namespace variator_sim {
 
-/// The numbers that parameters change: MotionProgram::numbers, then the scene's initial angles, velocities
-/// and accelerations.
+/// The numbers that parameters change: MotionProgram::numbers, then the scene's initial angles,
+/// velocities and accelerations.
 struct TangentNumbers {
   std::vector<double> values;
   std::vector<std::vector<double>> slopes;  ///< by each parameter, or empty; those beyond the

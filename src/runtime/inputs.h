@@ -8,8 +8,7 @@ enum { VS_CONSTANT, VS_RAMP, VS_EXPONENTIAL, VS_CRITICAL, VS_DELAYED };
 enum { VS_START, VS_START_REST, VS_LENGTH, VS_UNIT, VS_LAST, VS_PIECE };
 
 /* The polynomial of a piece, from `age` s behind its start, in powers of time / unit. */
-VS_FUNCTION void vs_expand_piece(const double* piece, double age, double unit, int order,
-                                 Real* u) {
+VS_FUNCTION void vs_expand_piece(const double* piece, double age, double unit, int order, Real* u) {
   const int last = (int)piece[VS_LAST];
   const double theta = age / piece[VS_UNIT], ratio = unit / piece[VS_UNIT];
   double c[VS_STRIDE], power = 1.0;

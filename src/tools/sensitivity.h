@@ -27,7 +27,7 @@ class Sensitivity {
  public:
   using SceneReader = std::function<Scene(const ParameterTree&)>;
 
-  /// `paths`: numbers of the scene ("drive/inertia"), or commands as TOPIC@TIME ("ratio@2.0"),
+  /// `paths`: numbers of the scene ("drive/inertia"), or commands, `ratio@2.0` that at 2 s,
   /// which have to be among `commands`. Throws SceneError for others, and for a scene whose motion
   /// has no series.
   Sensitivity(const ParameterTree& tree, const SceneReader& read,
