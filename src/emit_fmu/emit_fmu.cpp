@@ -301,16 +301,23 @@ class FmuWriter {
   std::string writeTables() const {
     std::string text;
     std::vector<std::string> of_one, of_two, passages;
+    const auto listOf = [](const std::vector<std::string>& words) {
+      std::string list = "{";
+      for (const std::string& word : words) list.append(list.size() > 1 ? ", " : "").append(word);
+      return list.append("}");
+    };
     for (const MotionRows::DenseTable& it : program_.rows().tables()) {
       const std::string name = "fmu_table_" + std::to_string(of_one.size());
       const std::string x = std::to_string(it.points.front().size());
       const std::string y = std::to_string(it.points.back().size());
-      text += arrayOf("double", name + "_x", it.points.front()) +
-              arrayOf("double", name + "_y", it.points.back()) +
-              arrayOf("double", name + "_pieces", it.pieces);
-      of_one.push_back("{" + x + ", " + name + "_x, " + name + "_pieces}");
-      of_two.push_back("{" + x + ", " + y + ", " + name + "_x, " + name + "_y, " + name +
-                       "_pieces}");
+      const std::string in_x = name + "_x";
+      const std::string in_y = name + "_y";
+      const std::string pieces = name + "_pieces";
+      text.append(arrayOf("double", in_x, it.points.front()));
+      text.append(arrayOf("double", in_y, it.points.back()));
+      text.append(arrayOf("double", pieces, it.pieces));
+      of_one.push_back(listOf({x, in_x, pieces}));
+      of_two.push_back(listOf({x, y, in_x, in_y, pieces}));
     }
     for (const std::vector<double>& points : program_.passages) {
       passages.push_back("fmu_passage_" + std::to_string(passages.size()));
