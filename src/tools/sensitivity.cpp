@@ -270,7 +270,8 @@ Sensitivity::Sensitivity(const ParameterTree& tree, const SceneReader& read,
   }
   quantities_ = quantities.size();
   for (const std::string& path : paths) {
-    for (const std::string& it : quantities) names_.push_back("d(" + it + ")/d(" + path + ")");
+    for (const std::string& it : quantities)
+      names_.push_back(std::string("d(").append(it).append(")/d(").append(path).append(")"));
   }
   const std::vector<int> shown = program_->rowsOf(shownNodes(scene)).values;
   for (std::size_t first = 0; first < paths.size();) {
