@@ -369,14 +369,16 @@ StateView ProgramMotion::view() {
   for (int i = 0; i < scene.inputCount(); ++i) {
     CommandSignal signal = signal_[i];
     if (signal.segmentEnd() <= at) signal.finishSegment();
-    input_value_[i] = signal.value(at);
-    input_rate_[i] = signal.rate(at);
-    input_second_rate_[i] = signal.secondRate(at);
+    CommandSignal::Moment moment = signal.at(at);
     const InputKind kind = scene.inputs[static_cast<std::size_t>(i)].kind;
-    if (kind != InputKind::kCommanded) input_value_[i] = seen_input_[3 * i];
-    if (kind != InputKind::kDelayed) continue;
-    input_rate_[i] = seen_input_[3 * i + 1];
-    input_second_rate_[i] = seen_input_[3 * i + 2];
+    if (kind != InputKind::kCommanded) moment.value = seen_input_[3 * i];
+    if (kind == InputKind::kDelayed) {
+      moment.rate = seen_input_[3 * i + 1];
+      moment.second_rate = seen_input_[3 * i + 2];
+    }
+    input_value_[i] = moment.value;
+    input_rate_[i] = moment.rate;
+    input_second_rate_[i] = moment.second_rate;
   }
   return {time,         now.angle,   now.velocity,       now.acceleration,
           input_value_, input_rate_, input_second_rate_, program_->HOLDS > 0 ? held_ : nullptr,

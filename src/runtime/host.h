@@ -414,8 +414,13 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
       to->on_shaft[S * p + i] = -vs_entry(it, CONSTRAINTS + p, i) * held->torque;
   }
   for (i = 0; i < INPUTS; ++i) {
-    vs_expand_input(&m->now.input[i], 1.0, 2, to->input + 3 * i);
-    to->input[3 * i + 2] *= 2.0;
+    const scene_signal* const s = &m->now.input[i];
+    Real* const u = to->input + 3 * i;
+    u[0] = s->start; /* of states and variables; commanded inputs are the host's own */
+    u[1] = u[2] = 0.0;
+    if (s->form != VS_DELAYED) continue;
+    vs_expand_input(s, 1.0, 2, u);
+    u[2] *= 2.0;
   }
   m->now = end;
   return status;
