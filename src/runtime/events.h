@@ -114,9 +114,10 @@ VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, dou
   points[1] = x[0] < 0.0 ? 0.0 : INFINITY;
   points[2] = x[0] == 0.0 ? 0.0 : INFINITY;
   if (guard >= SIGNS) vs_find_points(it, guard - SIGNS, x[0], &points[0], &points[1], &points[2]);
+  if (points[2] != x[0] && vs_clearance(x, it->order, reach, points[0], points[1]) > 0.0) return 0;
   for (k = 0; k < 3 && !(guard < SIGNS ? sign_jumps[guard] : passage_jumps[guard - SIGNS]); ++k)
     if (isfinite(points[k]) && vs_rests(it, x, reach, points[k])) return 0;
-  return points[2] == x[0] || !(vs_clearance(x, it->order, reach, points[0], points[1]) > 0.0);
+  return 1;
 }
 
 /* The first event in a step of *theta units, or so shortly behind it that rounding might lead over
