@@ -53,6 +53,8 @@ class OfflineRun {
   OfflineRun(Simulation& simulation, SampleTimes times, std::vector<ResolvedCommand> commands,
              double end);
 
+  const std::vector<ResolvedCommand>& commands() const { return commands_; }
+
   /// Saves the state at `time` and continues from it; saves the end if that comes first.
   void saveStateAt(double time) { save_time_ = time; }
   /// Saves the state now, unless it has been saved.

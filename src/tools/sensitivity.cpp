@@ -72,6 +72,9 @@ Made make(const ParameterTree& tree, const Sensitivity::SceneReader& read) {
   Made made;
   made.scene = std::make_unique<Scene>(read(tree));
   Scene& scene = *made.scene;
+  scene.refuseDelays(
+      "derivatives of a run have no past here; allowed: states that follow it instead, rate: (x - "
+      "z)/0.2");
   tighten(&scene.solver);
   made.program =
       orRefuse("has no derivatives, since its motion is not stepped by power series", [&] {
@@ -221,9 +224,6 @@ Sensitivity::Sensitivity(const ParameterTree& tree, const SceneReader& read,
   scene_ = std::move(source.base.scene);
   program_ = std::move(source.base.program);
   const Scene& scene = *scene_;
-  scene.refuseDelays(
-      "derivatives of a run have no past here; allowed: states that follow it instead, rate: (x - "
-      "z)/0.2");
   TangentNumbers all = std::move(source.numbers);
   std::size_t next = 0;
   std::vector<Numbers> slopes;

@@ -353,10 +353,9 @@ int runChecked(Simulation& simulation, OfflineRun& offline_run, const SimulateOp
 
 /// Runs with derivatives of the samples.
 int runDifferentiated(Simulation& simulation, OfflineRun& offline_run,
-                      const SimulateOptions& options, const Span& span,
-                      const std::vector<ResolvedCommand>& commands) {
+                      const SimulateOptions& options, const Span& span) {
   Sensitivity sensitivity = useTree(options, [&](const ParameterTree& tree) {
-    return Sensitivity(tree, readTree, options.sensitivity, commands);
+    return Sensitivity(tree, readTree, options.sensitivity, offline_run.commands());
   });
   ColumnGroups columns = options.columns;
   columns.derivatives = sensitivity.names();
@@ -376,11 +375,11 @@ int runSamples(Simulation& simulation, const SimulateOptions& options) {
   const SampleTimes times = options.has_times
                                 ? SampleTimes::at(options.times)
                                 : SampleTimes::atRate(options.rate, span.begin, span.end);
-  const std::vector<ResolvedCommand> commands = readCommands(options, simulation.scene());
+  std::vector<ResolvedCommand> commands = readCommands(options, simulation.scene());
   if (options.compare_principles) {
     return comparePrinciples(simulation, commands, times, span.end, options) ? kSuccess : kStopped;
   }
-  OfflineRun offline_run(simulation, times, commands, span.end);
+  OfflineRun offline_run(simulation, times, std::move(commands), span.end);
   offline_run.observe(options.columns.quantities);
   if (options.until_rest) offline_run.endAtRest();
   if (!options.save_state_path.empty()) {
@@ -395,7 +394,7 @@ int runSamples(Simulation& simulation, const SimulateOptions& options) {
   note(offline_run.pastCount(), "before the state", span.begin);
   if (options.check_minimum) return runChecked(simulation, offline_run, options, span);
   if (!options.sensitivity.empty())
-    return runDifferentiated(simulation, offline_run, options, span, commands);
+    return runDifferentiated(simulation, offline_run, options, span);
   return run(simulation, offline_run, *makeWriter(simulation, options, options.columns), options,
              span);
 }
