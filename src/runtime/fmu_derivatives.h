@@ -42,12 +42,6 @@ static int fmu_differentiate(const fmu_motion* m, fmu_motion* at, unsigned known
   return 1;
 }
 
-typedef struct {
-  fmu_motion at;
-  double slope[FMU_VALUES], before[FMU_VALUES], best[FMU_VALUES];
-  double doubt[FMU_VALUES]; /* the difference from the next best; INFINITY: there is none */
-} fmu_derivatives;
-
 /* The derivatives of all values by one of the settable ones. */
 static void fmu_find_slopes(const fmu_motion* m, unsigned known, fmu_derivatives* d) {
   const int is_command = known >= FMU_FIRST_COMMAND;
@@ -96,6 +90,7 @@ static int fmu_get_derivatives(fmu_instance* f, const unsigned* unknown, size_t 
   fmu_derivatives* d;
   size_t i, j;
   if (status != FMU_OK) return status;
+  d = f->derivatives;
   for (i = 0; i < unknowns; ++i) {
     if (unknown[i] == 0 || unknown[i] >= FMU_FIRST_PARAMETER)
       return fmu_fail(f, FMU_ERROR, function, "an unknown is no output");
@@ -106,14 +101,11 @@ static int fmu_get_derivatives(fmu_instance* f, const unsigned* unknown, size_t 
   }
   fmu_look(&f->motion);
   if (f->motion.status != SCENE_OK) return fmu_stop(f, FMU_DISCARD, function);
-  d = malloc(sizeof *d);
-  if (d == NULL) return fmu_fail(f, FMU_ERROR, function, "no memory");
   for (i = 0; i < (is_adjoint ? knowns : unknowns); ++i) value[i] = 0.0;
   for (j = 0; j < knowns; ++j) {
     fmu_find_slopes(&f->motion, known[j], d);
     for (i = 0; i < unknowns; ++i) {
       if (!fmu_is_known(&f->motion, d, unknown[i])) {
-        free(d);
         return fmu_fail(f, FMU_DISCARD, function,
                         "an output has no derivative here: a mode or a branch changes too near");
       }
@@ -123,6 +115,5 @@ static int fmu_get_derivatives(fmu_instance* f, const unsigned* unknown, size_t 
         value[i] += d->best[unknown[i]] * seed[j];
     }
   }
-  free(d);
   return FMU_OK;
 }

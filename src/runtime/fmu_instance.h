@@ -6,8 +6,16 @@
 
 enum { FMU_OK, FMU_WARNING, FMU_DISCARD, FMU_ERROR, FMU_FATAL };
 
+/* The memory of derivatives (fmu_derivatives.h). */
+typedef struct {
+  fmu_motion at;
+  double slope[FMU_VALUES], before[FMU_VALUES], best[FMU_VALUES];
+  double doubt[FMU_VALUES]; /* the difference from the next best; INFINITY: there is none */
+} fmu_derivatives;
+
 typedef struct fmu_instance {
   fmu_motion motion;
+  fmu_derivatives* derivatives;
   void (*tell)(const struct fmu_instance*, int status, const char* message);
   const void* functions;                                    /* of FMI 2 */
   void (*log)(void*, int status, const char*, const char*); /* of FMI 3 */
@@ -51,10 +59,11 @@ static fmu_instance* fmu_instantiate(const char* name, const char* token,
                    "this binary is for processors with AVX2 and FMA; compile the sources anew");
     return NULL;
   }
-  f = calloc(1, sizeof *f + strlen(shown) + 1);
+  f = calloc(1, sizeof *f + sizeof *f->derivatives + strlen(shown) + 1);
   if (f == NULL) return NULL;
   *f = *like;
-  f->name = strcpy((char*)(f + 1), shown);
+  f->derivatives = (fmu_derivatives*)(f + 1);
+  f->name = strcpy((char*)(f->derivatives + 1), shown);
   fmu_reset(&f->motion);
   return f;
 }
