@@ -348,11 +348,7 @@ class FmuWriter {
     std::vector<std::string> operations;
     for (const expression::SeriesOperation& it : program_.resolved.values) {
       std::string row = "{";
-      for (const int n :
-           {it.kind, it.result, it.second, it.a, it.b, it.degree, it.state, it.power}) {
-        row += std::to_string(n) + ", ";
-      }
-      operations.push_back(row + "0.0, 0.0}");
+      operations.push_back(row.append(MotionProgram::integersOf(it)).append("0.0, 0.0}"));
     }
     operations.emplace_back("{0}");
     return text + "\n};\n" + arrayOf("double", "fmu_number", numbers) +

@@ -41,7 +41,7 @@ double snap(double factor, double product, double whole) {
 
 }  // namespace
 
-/// What the text of a program has beside its numbers.
+/// A program's structure and the numbers that its text keeps: all but those that can be set.
 struct FmuParameters::Form {
   explicit Form(const MotionProgram& it) : structure(it.structure()) {
     append(&structure, it.hold_of.values);

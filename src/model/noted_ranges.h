@@ -1,4 +1,4 @@
-/// What is allowed for the numbers of a scene, for programs that let others set them.
+/// A record of the ranges that a scene's reader allows, for programs that let others set numbers.
 #pragma once
 
 #include <map>

@@ -52,6 +52,8 @@ class MotionProgram : public MotionData {
   std::vector<int> structure() const;
   /// Returns the numbers of formulas, tables and lists, in an order that the structure determines.
   std::vector<double> numbers() const;
+  /// Writes the integers of an initializer of a SeriesOperation, each with a comma behind it.
+  static std::string integersOf(const expression::SeriesOperation& it);
   /// Writes the C of a library that steps the motion: the functions of host_kernel.h.
   std::string writeKernel() const;
   /// Writes the sizes of a series as enumerators.

@@ -108,6 +108,14 @@ std::string MotionProgram::writeSharedLists() const {
 )c";
 }
 
+std::string MotionProgram::integersOf(const expression::SeriesOperation& it) {
+  std::string text;
+  for (const int n : {it.kind, it.result, it.second, it.a, it.b, it.degree, it.state, it.power}) {
+    text.append(std::to_string(n)).append(", ");
+  }
+  return text;
+}
+
 std::string MotionProgram::writeResolution(bool shares) const {
   std::string text =
       std::string("\n/* ---- Whether the series show all of their functions. ---- */\n\n") +
@@ -116,11 +124,7 @@ std::string MotionProgram::writeResolution(bool shares) const {
   if (shares) return text + writeHiding();
   text += "static const struct SeriesOperation resolved[] = {\n";
   for (const expression::SeriesOperation& it : resolved.values) {
-    text += "    {";
-    for (const int n : {it.kind, it.result, it.second, it.a, it.b, it.degree, it.state, it.power}) {
-      text += std::to_string(n) + ", ";
-    }
-    text += literalOf(it.f) + ", " + literalOf(it.g) + "},\n";
+    text += "    {" + integersOf(it) + literalOf(it.f) + ", " + literalOf(it.g) + "},\n";
   }
   return text + "    {0, 0, -1, 0, -1, 0, -1, 0, 0.0, 0.0}};\n" + writeHiding();
 }

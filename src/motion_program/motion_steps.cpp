@@ -12,19 +12,7 @@
 
 namespace variator_sim {
 
-namespace {
-using expression::SeriesOperation;
-using expression::SeriesOutputs;
-using expression::SeriesProgram;
-using expression::SeriesRange;
-using expression::SeriesResolution;
-using namespace expression;           // NOLINT: the kinds of operations
-using namespace expression::library;  // NOLINT: its functions are many
-using Real = double;
-#include "expression/series_resolution.inc"
-//
-#include "expression/series_ranges.inc"
-}  // namespace
+#include "motion_program/interpreted_ranges.inc"
 
 /// Lists every table as both kinds.
 static void listTables(const MotionRows& rows, std::vector<vs_table>* one,
