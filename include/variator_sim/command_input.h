@@ -119,6 +119,10 @@ class CommandSignal {
   static CommandSignal fromTree(ParameterReader& reader, const CommandInputSettings& settings);
 
  private:
+  /// Sets the form of the way from the start value to the target by the hold of `settings`, and
+  /// returns how long it takes, s; 0: the constant u of a jump.
+  double setForm(const CommandInputSettings& settings);
+
   enum class Form { kConstant, kExponential, kRamp, kCritical };
   Form form_ = Form::kConstant;
   double start_time_ = 0.0;

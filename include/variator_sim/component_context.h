@@ -31,7 +31,6 @@ class ComponentContext {
         graph_(std::move(graph)),
         libraries_(std::move(libraries)) {}
 
-  /// Returns the component's name in the scene.
   const std::string& name() const { return name_; }
   /// Returns the component's own dictionary. Keys left unread are an error after `build`.
   ParameterReader& parameters() { return parameters_; }
@@ -74,8 +73,6 @@ class ComponentContext {
   const std::set<int>& usedInputs() const { return used_inputs_; }
 
  private:
-  int indexOf(const std::string& shaft, const std::string& path) const;
-
   std::string name_;
   ParameterReader& parameters_;
   const std::vector<std::string>& shaft_names_;

@@ -35,4 +35,14 @@ class SceneError : public Error {
   std::string message_;
 };
 
+/// Returns what `work` returns; its SceneErrors tell of `source`, a file, say, before their keys.
+template <class Work>
+auto fromSource(const std::string& source, const Work& work) {
+  try {
+    return work();
+  } catch (const SceneError& error) {
+    throw SceneError("", source + ": " + error.what());
+  }
+}
+
 }  // namespace variator_sim

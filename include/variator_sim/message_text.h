@@ -1,4 +1,4 @@
-/// Quotes user text in messages: short, and without characters that control a terminal.
+/// Texts of messages: quotes of user text, short, and without characters that control a terminal.
 #pragma once
 
 #include <cstddef>
@@ -26,5 +26,12 @@ std::string presentable(const std::string& message);
 
 /// Returns "a, b, c", for messages that list what is allowed; a long list is cut and counted.
 std::string joinNames(const std::vector<std::string>& names);
+
+/// Returns the words, whole, with `separator` between them.
+std::string join(const std::vector<std::string>& words, const std::string& separator);
+/// Returns the parts of `text` between separators; empty ones count.
+std::vector<std::string> splitAt(const std::string& text, char separator);
+/// Returns `text` with '_' in place of all but letters of ASCII and digits.
+std::string toIdentifier(std::string text);
 
 }  // namespace variator_sim

@@ -28,7 +28,6 @@ class Output {
   static void nameObserved(const std::vector<std::string>& shafts, expression::Graph& graph,
                            SceneSymbols* symbols);
 
-  /// Returns its name in the scene.
   const std::string& name() const { return name_; }
   /// Returns its unit; "" if the scene names none.
   const std::string& unit() const { return unit_; }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 #include <map>
 #include <optional>
@@ -15,6 +16,9 @@
 #include "variator_sim/errors.h"
 
 namespace variator_sim {
+
+/// Bounds trees from all sources: readers walk through them recursively.
+constexpr int kDeepestNesting = 64;
 
 /// A value: nothing, a boolean, an integer, a real number, a text, a list or a dictionary.
 class ParameterTree {
@@ -40,6 +44,11 @@ class ParameterTree {
   const std::string& asText() const { return get<std::string>(); }
   const List& asList() const { return get<List>(); }
   const Dictionary& asDictionary() const { return get<Dictionary>(); }
+  /// Returns the entry `key` of a dictionary, or nullptr; also for values of another kind.
+  const ParameterTree* find(const std::string& key) const;
+  ParameterTree* find(const std::string& key) {
+    return const_cast<ParameterTree*>(std::as_const(*this).find(key));
+  }
   // Only for values of their own kind.
   List& asList() { return std::get<List>(value_); }
   Dictionary& asDictionary() { return std::get<Dictionary>(value_); }
@@ -70,6 +79,8 @@ class ParameterTree {
   Value value_;
 };
 
+/// Returns the path of an entry of a dictionary, "dictionary/key"; of the root "key".
+std::string entryPath(const std::string& dictionary, const std::string& key);
 /// Returns the path of an element of a list, "list[index]".
 std::string elementPath(const std::string& list, std::size_t index);
 
@@ -122,7 +133,11 @@ class ParameterReader {
 
   const std::string& path() const { return path_; }
   /// Returns the full path of a key below this dictionary.
-  std::string keyPath(const std::string& key) const;
+  std::string keyPath(const std::string& key) const { return entryPath(path_, key); }
+  /// Returns the error that tells of the value at `key`.
+  SceneError error(const std::string& key, const std::string& message) const {
+    return {keyPath(key), message};
+  }
   bool has(const std::string& key) const;
   /// True when the value at `key` is a number, be it as a text or with a unit.
   bool isNumber(const std::string& key) const;
@@ -143,12 +158,16 @@ class ParameterReader {
   /// Reads a list of exactly `size` numbers.
   std::vector<double> numbers(const std::string& key, std::size_t size,
                               const Range& range = Range::any());
+  /// Reads a list of anything, which messages call `what`; an absent key or nothing gives an empty
+  /// list.
+  const ParameterTree::List& list(const std::string& key, const std::string& what);
   /// Reads a list of texts; an absent key or nothing gives an empty list.
   std::vector<std::string> names(const std::string& key);
   /// Reads a dictionary of numbers; an absent key gives an empty one.
   std::map<std::string, double> numberDictionary(const std::string& key);
-  /// Returns a reader of the dictionary at `key`; `finish` it before this one.
-  ParameterReader section(const std::string& key);
+  /// Returns a reader of the dictionary at `key`, which has the keys `known`; `finish` it before
+  /// this one.
+  ParameterReader section(const std::string& key, std::initializer_list<const char*> known = {});
   /// Returns the value at `key` as it is, or nullptr; counts as read.
   const ParameterTree* raw(const std::string& key);
   /// Does the same; throws SceneError that `what` is expected when it is missing.
@@ -157,17 +176,24 @@ class ParameterReader {
   /// Converts a value that stands at `path` to a number, with the checks of `number`.
   static double toNumber(const ParameterTree& value, const std::string& path,
                          const Range& range = Range::any());
+  /// Returns a number, or a text that is one, in SI units whatever its unit; nothing for others.
+  static std::optional<double> findNumber(const ParameterTree& value);
 
   /// Counts `key` as read (or as known, for the suggestion when another is misspelt).
   void allow(const std::string& key);
+  void allow(std::initializer_list<const char*> keys) {
+    for (const char* key : keys) allow(std::string(key));
+  }
   /// Throws SceneError for the first unread key of the dictionary, with the nearest known.
   void finish() const;
 
   /// Records from now on the paths of all keys that readers of this thread know; nullptr ends the
   /// record. A test makes its table of keys with it.
   static void noteKeys(std::set<std::string>* paths);
-  /// Records likewise the numbers that are read, or taken as defaults, by their paths.
-  static void noteNumbers(std::map<std::string, double>* numbers);
+  /// Records likewise the numbers that are read, or taken as defaults, and the ranges that they are
+  /// allowed, by their paths.
+  static void noteNumbers(std::map<std::string, double>* numbers,
+                          std::map<std::string, Range>* ranges = nullptr);
 
  private:
   const ParameterTree* tree_;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "variator_sim/command_input.h"
@@ -14,7 +15,6 @@
 #include "variator_sim/constraint.h"
 #include "variator_sim/expression/graph.h"
 #include "variator_sim/inertia.h"
-#include "variator_sim/memory.h"
 #include "variator_sim/node_names.h"
 #include "variator_sim/output.h"
 #include "variator_sim/parameter_tree.h"
@@ -60,6 +60,30 @@ struct InitialConditions {
   bool project = false;              ///< move inconsistent values to the nearest consistent ones
 };
 
+// The memory of a scene: states that are integrated with the motion, and events that set them and
+// the variables. The values of both are inputs of the scene (InputKind).
+
+/// z' = rate
+struct SceneState {
+  int input = 0;          ///< index in Scene::inputs
+  expression::Node rate;  ///< may read accelerations
+  /// A law, an event or the rate of another state reads it: the motion is not at rest while it
+  /// changes.
+  bool is_read = false;
+  bool trims_to_rest = false;  ///< trim looks for states in which its rate is 0
+};
+
+/// The instants at which a switching function passes 0, and what is set there.
+struct SceneEvent {
+  enum class Direction { kFalling = -1, kBoth = 0, kRising = 1 };
+
+  std::string name;
+  expression::Node when;
+  Direction direction = Direction::kBoth;
+  /// Index in Scene::inputs, and the value, which reads all values from before the event.
+  std::vector<std::pair<int, expression::Node>> sets;
+};
+
 struct Scene {
   std::vector<std::string> shafts;
   /// J, kg m^2, s x s, symmetric; where a shaft has harmonics its entry is the mean. Positive
@@ -95,11 +119,12 @@ struct Scene {
 
   int shaftCount() const { return static_cast<int>(shafts.size()); }
   int constraintCount() const { return static_cast<int>(constraints.size()); }
-  /// True when some constraint is of order 3.
   bool hasOrder3() const {
     return std::any_of(constraints.begin(), constraints.end(),
                        [](const ConstraintPtr& constraint) { return constraint->order() == 3; });
   }
+  /// Returns all torques, then all constraints.
+  std::vector<const Law*> laws() const;
   int inputCount() const { return static_cast<int>(inputs.size()); }
   /// Returns the names of what holds, in the order of elements: ELEMENT or ELEMENT/PART.
   std::vector<std::string> holdNames() const;

@@ -2,14 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <exception>
 #include <map>
 #include <set>
 #include <utility>
 
-#include "model/noted_ranges.h"
+#include "model/number_text.h"
 #include "variator_sim/component_factory.h"
 #include "variator_sim/overrides.h"
 
@@ -33,9 +31,8 @@ double raise(double value, double base, int exponent) {
 
 /// Returns a number without the rounding of the product that it was divided by.
 double snap(double factor, double product, double whole) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.12g", factor);
-  const double short_one = std::strtod(text, nullptr);
+  double short_one = factor;
+  readWhole(printed("%.12g", factor), &short_one);
   return std::abs(short_one * product - whole) <= 4e-16 * std::abs(whole) ? short_one : factor;
 }
 
@@ -95,13 +92,11 @@ class FmuParameters::Trials {
     std::unique_ptr<MotionProgram> made;
     try {
       for (const auto& [path, value] : replaced) setValue(tree, path, ParameterTree::real(value));
-      ParameterReader::noteNumbers(numbers);
-      noteRanges(ranges);
+      ParameterReader::noteNumbers(numbers, ranges);
       made = make_(readScene(tree, factory));
     } catch (const std::exception&) {
     }
     ParameterReader::noteNumbers(nullptr);
-    noteRanges(nullptr);
     return made;
   }
   std::map<std::string, double> with(const std::string& path, double value) const {

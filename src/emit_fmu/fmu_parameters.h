@@ -8,8 +8,6 @@
 #include <vector>
 
 #include "motion_program/motion_program.h"
-#include "variator_sim/parameter_tree.h"
-#include "variator_sim/scene.h"
 
 namespace variator_sim {
 

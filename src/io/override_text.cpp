@@ -75,11 +75,10 @@ void applyOverride(ParameterTree& tree, const std::string& text) {
 }
 
 void applyOwnOverrides(ParameterTree& tree) {
-  if (tree.kind() != ParameterTree::Kind::kDictionary) return;
-  const auto found = tree.asDictionary().find(kKey);
-  if (found == tree.asDictionary().end()) return;
-  const ParameterTree own = std::move(found->second);
-  tree.asDictionary().erase(found);
+  ParameterTree* const found = tree.find(kKey);
+  if (found == nullptr) return;
+  const ParameterTree own = std::move(*found);
+  tree.asDictionary().erase(kKey);
   if (own.kind() == ParameterTree::Kind::kNothing) return;
   std::vector<std::string> texts;
   if (own.kind() == ParameterTree::Kind::kText) {

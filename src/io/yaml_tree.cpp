@@ -17,7 +17,6 @@
 #include <utility>
 
 #include "model/number_text.h"
-#include "model/tree_bounds.h"
 #include "text_file.h"
 #include "variator_sim/nearest_name.h"
 
@@ -34,13 +33,10 @@ constexpr std::size_t kLongestNumber = 100;
 /// "1:30.5" = 1 * 60 + 30.5 (YAML 1.1); without a colon a plain number.
 bool parseSexagesimal(const std::string& text, double* value) {
   *value = 0.0;
-  std::size_t begin = 0;
-  while (begin <= text.size()) {
-    const std::size_t colon = std::min(text.find(':', begin), text.size());
+  for (const std::string& digits : splitAt(text, ':')) {
     double part = 0.0;
-    if (!readWhole(text.substr(begin, colon - begin), &part)) return false;
+    if (!readWhole(digits, &part)) return false;
     *value = *value * 60.0 + part;
-    begin = colon + 1;
   }
   return true;
 }
@@ -370,14 +366,12 @@ ParameterTree readYamlValue(const std::string& text, const std::string& source_n
 
 void placeFiles(ParameterTree* tree, const FilePlace& place_of) {
   for (auto& [name, value] : tree->asDictionary()) {
-    if (value.kind() != ParameterTree::Kind::kDictionary) continue;
-    const auto found = value.asDictionary().find("file");
-    if (found == value.asDictionary().end()) continue;
-    const std::filesystem::path file = found->second.asText();
+    ParameterTree* const given = value.find("file");
+    const std::filesystem::path file = given == nullptr ? "" : given->asText();
     if (file.empty() || file.is_absolute() || file.string().find("://") != std::string::npos)
       continue;
     const std::filesystem::path place = place_of(name, file.string());
-    found->second = ParameterTree::text(place.lexically_normal().string());
+    *given = ParameterTree::text(place.lexically_normal().string());
   }
 }
 
@@ -399,18 +393,16 @@ void putOver(const ParameterTree& over, ParameterTree* tree) {
 /// Puts the scene of each part's file into its dictionary, whose other keys count before those of
 /// the file. `within`: the files around `tree`, the outermost first.
 void loadParts(ParameterTree* tree, const std::vector<std::string>& within) {
-  const auto parts = tree->asDictionary().find("parts");
-  if (parts == tree->asDictionary().end()) return;
-  const ParameterTree::List names = parts->second.asList();
+  const ParameterTree* const parts = std::as_const(*tree).find("parts");
+  const ParameterTree::List names = parts == nullptr ? ParameterTree::List() : parts->asList();
   for (const ParameterTree& name : names) {
-    const auto found = tree->asDictionary().find(name.asText());
-    if (found == tree->asDictionary().end()) continue;
-    ParameterTree own = found->second;
-    if (own.asDictionary().count("file") == 0) continue;
-    const std::string file = own.asDictionary().at("file").asText();
+    ParameterTree* const part = tree->find(name.asText());
+    if (part == nullptr || part->find("file") == nullptr) continue;
+    ParameterTree own = *part;
+    const std::string file = std::as_const(own).find("file")->asText();
     std::vector<std::string> chain = within;
     chain.push_back(file);
-    if (std::find(within.begin(), within.end(), file) != within.end()) {
+    if (contains(within, file)) {
       throw SceneError(name.asText() + "/file",
                        "a scene cannot be a part of itself: " + joinNames(chain));
     }
@@ -423,7 +415,7 @@ void loadParts(ParameterTree* tree, const std::vector<std::string>& within) {
                        error.message());
     }
     putOver(own, &content);
-    found->second = std::move(content);
+    *part = std::move(content);
   }
 }
 

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "expression/characters.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
@@ -30,13 +31,13 @@ constexpr double kSettled = 50.0;
 
 /// True for a relative graph name: letters, digits and underscores, joined by single slashes.
 bool isRelativeTopic(const std::string& topic) {
-  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
-  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  using expression::isDigit;
+  const auto is_letter = [](char c) { return c != '_' && expression::isNameStart(c); };
   if (topic.empty() || !is_letter(topic.front()) || topic.back() == '/') return false;
   for (std::size_t i = 0; i < topic.size(); ++i) {
     const char c = topic[i];
     if (c == '/' && topic[i - 1] == '/') return false;
-    if (!is_letter(c) && !is_digit(c) && c != '_' && c != '/') return false;
+    if (!expression::isNameStart(c) && !isDigit(c) && c != '/') return false;
   }
   return true;
 }
@@ -44,11 +45,11 @@ bool isRelativeTopic(const std::string& topic) {
 std::string readTopic(ParameterReader& reader) {
   std::string topic = reader.text("topic");
   if (!isRelativeTopic(topic)) {
-    throw SceneError(reader.keyPath("topic"),
-                     inQuotes(topic) +
-                         " is not a relative topic name; allowed: letters, digits, '_' and single "
-                         "'/' between parts, starting with a letter (no leading '/' or '~': topics "
-                         "are private to the node)");
+    throw reader.error(
+        "topic", inQuotes(topic) +
+                     " is not a relative topic name; allowed: letters, digits, '_' and single "
+                     "'/' between parts, starting with a letter (no leading '/' or '~': topics "
+                     "are private to the node)");
   }
   return topic;
 }
@@ -67,9 +68,8 @@ const HoldName& readHold(ParameterReader& reader) {
       if (hold.own_key != key) continue;
       holds += (holds.empty() ? "" : " or ") + inQuotes(std::string(hold.name));
     }
-    throw SceneError(reader.keyPath(key), "belongs to hold " + holds +
-                                              ", but this input's hold is " + inQuotes(name) +
-                                              ": leave it out there, or choose such a hold");
+    throw reader.error(key, "belongs to hold " + holds + ", but this input's hold is " +
+                                inQuotes(name) + ": leave it out there, or choose such a hold");
   }
   return *chosen;
 }
@@ -106,10 +106,8 @@ std::string describeClamped(const CommandInputSettings& settings, double command
 CommandInputSettings readCommandInput(ParameterReader& reader, const std::string& owner,
                                       const Range& allowed) {
   // All keys are known from the start, so that a missing one can be told from a misspelt one.
-  for (const char* key : {"topic", "hold", "time_constant", "rate", "period", "initial", "min",
-                          "max", "timeout", "on_timeout"}) {
-    reader.allow(key);
-  }
+  reader.allow({"topic", "hold", "time_constant", "rate", "period", "initial", "min", "max",
+                "timeout", "on_timeout"});
   const std::string& unit = allowed.unit;
   CommandInputSettings settings;
   settings.owner = owner;
@@ -148,10 +146,9 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
                          const char* else_allowed) {
     for (const Range& range : {limits, allowed}) {
       if (range.contains(value)) continue;
-      throw SceneError(
-          reader.keyPath(key),
-          shown + (allowed.contains(value) ? " is outside of [min, max]" : " is not allowed") +
-              "; allowed: a number " + range.toText() + else_allowed);
+      throw reader.error(
+          key, shown + (allowed.contains(value) ? " is outside of [min, max]" : " is not allowed") +
+                   "; allowed: a number " + range.toText() + else_allowed);
     }
   };
   check("initial", settings.initial,
@@ -179,47 +176,42 @@ bool CommandSignal::command(const CommandInputSettings& settings, double time, d
   start_time_ = time;
   start_value_ = present;
   target_ = value;
-  if (settings.hold == Hold::kSecondOrderLag && kSettled * settings.time_constant > resolution) {
-    // u = target + (a + b x) exp(-x), x = (t - start) / tau, with u and u' as they are at x = 0:
-    // a = u - target, b = a + tau u'
-    if (value == present && present_rate == 0.0) return false;
-    form_ = Form::kCritical;
-    inverse_time_constant_ = 1.0 / settings.time_constant;
-    linear_ = present - value + settings.time_constant * present_rate;
-    segment_end_ = time + kSettled * settings.time_constant;
-    return false;
-  }
-  if (value == present) return false;
-
-  double duration = 0.0;
-  switch (settings.hold) {
-    case Hold::kZeroOrder:
-    case Hold::kSecondOrderLag:
-      break;
-    case Hold::kFirstOrderLag:
-      if (kSettled * settings.time_constant <= resolution) break;
-      // u = target - (target - start) exp(-(t - start) / tau)
-      form_ = Form::kExponential;
-      inverse_time_constant_ = 1.0 / settings.time_constant;
-      segment_end_ = time + kSettled * settings.time_constant;
-      return false;
-    case Hold::kRateLimit:
-      slope_ = value > present ? settings.rate : -settings.rate;
-      duration = (value - present) / slope_;
-      break;
-    case Hold::kFirstOrderHold:
-      slope_ = (value - present) / settings.period;
-      duration = settings.period;
-      break;
-  }
+  const bool goes_on = settings.hold == Hold::kSecondOrderLag && present_rate != 0.0;
+  if (value == present && !goes_on) return false;
+  const double duration = setForm(settings);
   if (time + duration > time && duration > resolution) {
-    form_ = Form::kRamp;
+    // b = a + tau u' gives the rate at x = 0.
+    if (form_ == Form::kCritical) {
+      linear_ = present - value + settings.time_constant * present_rate;
+    }
     segment_end_ = time + duration;
     return false;
   }
   // A jump, or the remainder of a ramp shorter than the resolution of time.
   finishSegment();
-  return true;
+  return value != present;
+}
+
+double CommandSignal::setForm(const CommandInputSettings& settings) {
+  const double way = target_ - start_value_;
+  switch (settings.hold) {
+    case Hold::kZeroOrder:
+      break;
+    case Hold::kFirstOrderLag:
+    case Hold::kSecondOrderLag:
+      form_ = settings.hold == Hold::kFirstOrderLag ? Form::kExponential : Form::kCritical;
+      inverse_time_constant_ = 1.0 / settings.time_constant;
+      return kSettled * settings.time_constant;
+    case Hold::kRateLimit:
+      form_ = Form::kRamp;
+      slope_ = way > 0.0 ? settings.rate : -settings.rate;
+      return way / slope_;
+    case Hold::kFirstOrderHold:
+      form_ = Form::kRamp;
+      slope_ = way / settings.period;
+      return settings.period;
+  }
+  return 0.0;
 }
 
 CommandSignal::Moment CommandSignal::at(double time) const {
@@ -289,43 +281,21 @@ CommandSignal CommandSignal::fromTree(ParameterReader& reader,
   signal.start_time_ = reader.number("since", past);
   signal.segment_end_ = reader.number("until", Range::atLeast(signal.start_time_));
   const double way = signal.target_ - signal.start_value_;
-  double duration = kSettled * settings.time_constant;
-  switch (settings.hold) {
-    case Hold::kZeroOrder:
-      break;
-    case Hold::kFirstOrderLag:
-      signal.form_ = Form::kExponential;
-      signal.inverse_time_constant_ = 1.0 / settings.time_constant;
-      break;
-    case Hold::kSecondOrderLag:
-      signal.form_ = Form::kCritical;
-      signal.inverse_time_constant_ = 1.0 / settings.time_constant;
-      signal.linear_ = reader.number("linear");
-      break;
-    case Hold::kRateLimit:
-      signal.form_ = Form::kRamp;
-      signal.slope_ = way > 0.0 ? settings.rate : -settings.rate;
-      duration = way / signal.slope_;
-      break;
-    case Hold::kFirstOrderHold:
-      signal.form_ = Form::kRamp;
-      signal.slope_ = way / settings.period;
-      duration = settings.period;
-      break;
-  }
+  const double duration = signal.setForm(settings);
+  if (signal.form_ == Form::kCritical) signal.linear_ = reader.number("linear");
   // Saved times are a few roundings off. A value that arrives at another time than 'until' would
   // stand still while its rate does not.
   const double end = signal.start_time_ + duration;
   const double rounding = 1e-9 * (duration + std::abs(signal.start_time_));
   if (!(duration > 0.0) || !std::isfinite(way) ||
       !(std::abs(signal.segment_end_ - end) <= rounding)) {
-    throw SceneError(reader.keyPath("until"),
-                     formatNumber(signal.segment_end_) +
-                         " s contradicts 'value', 'target' and 'since': by this input's hold (" +
-                         toString(settings.hold) + ") the way from " +
-                         formatNumber(signal.start_value_) + " to " + formatNumber(signal.target_) +
-                         " ends at " + formatNumber(end) +
-                         " s; allowed: that time, or 'value' alone for an input that stands still");
+    throw reader.error(
+        "until", formatNumber(signal.segment_end_) +
+                     " s contradicts 'value', 'target' and 'since': by this input's hold (" +
+                     toString(settings.hold) + ") the way from " +
+                     formatNumber(signal.start_value_) + " to " + formatNumber(signal.target_) +
+                     " ends at " + formatNumber(end) +
+                     " s; allowed: that time, or 'value' alone for an input that stands still");
   }
   return signal;
 }

@@ -8,16 +8,8 @@
 
 namespace variator_sim {
 
-int ComponentContext::indexOf(const std::string& shaft, const std::string& path) const {
-  const auto found = std::find(shaft_names_.begin(), shaft_names_.end(), shaft);
-  if (found == shaft_names_.end()) {
-    throw SceneError(path, inQuotes(shaft) + " is not a shaft" + suggestAmong(shaft, shaft_names_));
-  }
-  return static_cast<int>(found - shaft_names_.begin());
-}
-
 int ComponentContext::readShaft(const std::string& key) {
-  return indexOf(parameters_.text(key), parameters_.keyPath(key));
+  return placeOf(parameters_.text(key), shaft_names_, parameters_.keyPath(key), "is not a shaft");
 }
 
 std::vector<int> ComponentContext::readShafts(const std::string& key, int count) {
@@ -31,8 +23,8 @@ std::vector<int> ComponentContext::readShafts(const std::string& key, int count)
   }
   std::vector<int> shafts;
   for (std::size_t i = 0; i < names.size(); ++i) {
-    const int shaft = indexOf(names[i], elementPath(path, i));
-    if (std::find(shafts.begin(), shafts.end(), shaft) != shafts.end()) {
+    const int shaft = placeOf(names[i], shaft_names_, elementPath(path, i), "is not a shaft");
+    if (contains(shafts, shaft)) {
       throw SceneError(path, expected + ", got " + inQuotes(names[i]) + " twice");
     }
     shafts.push_back(shaft);
@@ -90,15 +82,12 @@ int ComponentContext::addDelay(expression::Node node, double seconds, const std:
 }
 
 int ComponentContext::useInput(const std::string& name, const std::string& path) {
-  const auto found = symbols_.inputs.find(name);
-  if (found == symbols_.inputs.end()) {
-    std::vector<std::string> names;
-    for (const auto& input : symbols_.inputs) names.push_back(input.first);
-    throw SceneError(path,
-                     inQuotes(name) + " is not in the list inputs" + suggestAmong(name, names));
-  }
-  used_inputs_.insert(found->second);
-  return found->second;
+  std::vector<std::string> names;
+  for (const auto& input : symbols_.inputs) names.push_back(input.first);
+  placeOf(name, names, path, "is not in the list inputs");
+  const int index = symbols_.inputs.at(name);
+  used_inputs_.insert(index);
+  return index;
 }
 
 }  // namespace variator_sim

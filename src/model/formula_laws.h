@@ -11,12 +11,10 @@ namespace variator_sim {
 
 /// Throws SceneError where a law was configured with another graph than the scene's.
 inline void requireOwnFormulas(const Scene& scene) {
-  const auto require = [&scene](const auto& law) {
-    if (&law->graph() == scene.graph.get()) return;
+  for (const Law* law : scene.laws()) {
+    if (&law->graph() == scene.graph.get()) continue;
     throw SceneError(law->name(), "is an element of another scene");
-  };
-  for (const TorquePtr& torque : scene.torques) require(torque);
-  for (const ConstraintPtr& constraint : scene.constraints) require(constraint);
+  }
 }
 
 /// Returns true if both have identical elements with their formulas in the same graph.

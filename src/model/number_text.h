@@ -3,6 +3,7 @@
 
 #include <charconv>
 #include <clocale>
+#include <cstdio>
 #include <string>
 #include <system_error>
 
@@ -24,6 +25,15 @@ class DotLocale {
   }
   locale_t previous_;
 };
+
+/// Returns what printf writes, with a dot as the decimal point, at most 511 characters.
+template <class... Values>
+std::string printed(const char* format, Values... values) {
+  const DotLocale dot;
+  char text[512];
+  std::snprintf(text, sizeof text, format, values...);
+  return text;
+}
 
 /// Reads a text that is a number from its beginning to its end. Returns false for others.
 inline bool readWhole(const std::string& text, double* value) {

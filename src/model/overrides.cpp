@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "model/tree_bounds.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
@@ -52,20 +51,14 @@ void collectPaths(const ParameterTree& tree, const std::string& path,
                   std::vector<std::string>* paths) {
   if (paths->size() >= kMostPaths) return;
   if (!path.empty()) paths->push_back(path);
-  const std::string prefix = path.empty() ? path : path + "/";
   if (tree.kind() == Kind::kDictionary) {
-    for (const auto& [key, value] : tree.asDictionary()) collectPaths(value, prefix + key, paths);
+    for (const auto& [key, value] : tree.asDictionary())
+      collectPaths(value, entryPath(path, key), paths);
   } else if (tree.kind() == Kind::kList) {
     for (std::size_t i = 0; i < tree.asList().size(); ++i) {
-      collectPaths(tree.asList()[i], prefix + std::to_string(i), paths);
+      collectPaths(tree.asList()[i], entryPath(path, std::to_string(i)), paths);
     }
   }
-}
-
-std::string join(const std::vector<std::string>& steps, std::size_t count) {
-  std::string path;
-  for (std::size_t i = 0; i < count; ++i) path += (i == 0 ? "" : "/") + steps[i];
-  return path;
 }
 
 /// The path from a tree's root to one of its values.
@@ -84,11 +77,12 @@ class Walk {
   [[noreturn]] void fail(const std::string& message) const {
     std::vector<std::string> paths;
     collectPaths(tree_, "", &paths);
-    throw SceneError(path_, message + suggestName(join(steps_, steps_.size()), paths));
+    throw SceneError(path_, message + suggestName(join(steps_, "/"), paths));
   }
 
  private:
-  std::string place() const { return inQuotes(join(steps_, at_)); }
+  /// Returns the path so far.
+  std::string place() const { return inQuotes(join({steps_.data(), steps_.data() + at_}, "/")); }
 
   ParameterTree& item(ParameterTree& list) const {
     const std::string& step = steps_[at_];

@@ -5,15 +5,19 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <system_error>
 #include <utility>
 
-#include "model/noted_ranges.h"
+#include "model/number_text.h"
 #include "variator_sim/nearest_name.h"
 #include "variator_sim/units.h"
 
 namespace variator_sim {
+
+std::string entryPath(const std::string& dictionary, const std::string& key) {
+  return dictionary.empty() ? key : dictionary + "/" + key;
+}
+
 std::string elementPath(const std::string& list, std::size_t index) {
   return list + "[" + std::to_string(index) + "]";
 }
@@ -58,7 +62,7 @@ bool parseNumber(const std::string& text, double* value) {
 }
 
 /// Returns false unless `value` is a number or a text that is one.
-bool findNumber(const ParameterTree& value, double* number) {
+bool parseNumber(const ParameterTree& value, double* number) {
   if (value.kind() == ParameterTree::Kind::kText) return parseNumber(value.asText(), number);
   const bool is_integer = value.kind() == ParameterTree::Kind::kInteger;
   *number = is_integer ? static_cast<double>(value.asInteger()) : value.asReal();
@@ -124,9 +128,9 @@ double toSi(const Quantity& given, const std::string& unit, const std::string& p
 
 /// True when a YAML reader would take the bare text as this text.
 bool isPlainText(const std::string& text) {
-  if (text.empty()) return false;
   double number = 0.0;
-  if (parseNumber(text, &number) || text.front() == '-' || text.front() == '.') return false;
+  if (text.empty() || std::isalpha(static_cast<unsigned char>(text.front())) == 0) return false;
+  if (parseNumber(text, &number)) return false;
   std::string lower;
   for (const char c : text) {
     const auto byte = static_cast<unsigned char>(c);
@@ -135,11 +139,8 @@ bool isPlainText(const std::string& text) {
     }
     lower += static_cast<char>(std::tolower(byte));
   }
-  if (std::isalnum(static_cast<unsigned char>(text.front())) == 0) return false;
-  for (const char* word : {"true", "false", "yes", "no", "on", "off", "null"}) {
-    if (lower == word) return false;
-  }
-  return std::isdigit(static_cast<unsigned char>(text.front())) == 0;
+  return !contains(std::vector<std::string>{"true", "false", "yes", "no", "on", "off", "null"},
+                   lower);
 }
 
 std::string quote(const std::string& text) {
@@ -159,9 +160,7 @@ std::string quote(const std::string& text) {
     } else if (c == '\t') {
       quoted += "\\t";
     } else if (byte < 0x20 || byte == 0x7f) {
-      std::array<char, 8> escape{};
-      std::snprintf(escape.data(), escape.size(), "\\x%02x", static_cast<unsigned>(byte));
-      quoted += escape.data();
+      quoted += printed("\\x%02x", static_cast<unsigned>(byte));
     } else {
       if (c == '"' || c == '\\') quoted += '\\';
       quoted += c;
@@ -243,12 +242,12 @@ double noteNumber(const std::string& path, double number, const Range& range) {
   return number;
 }
 
-const ParameterTree& emptyDictionary() {
-  static const ParameterTree empty = ParameterTree::dictionary();
-  return empty;
-}
-
 }  // namespace
+
+const ParameterTree* ParameterTree::find(const std::string& key) const {
+  const auto found = asDictionary().find(key);
+  return found == asDictionary().end() ? nullptr : &found->second;
+}
 
 std::string ParameterTree::toText() const {
   std::string text;
@@ -290,30 +289,23 @@ ParameterReader::ParameterReader(const ParameterTree& tree, std::string path)
   requireKind(ParameterTree::Kind::kDictionary, tree, path_, "a dictionary");
 }
 
-std::string ParameterReader::keyPath(const std::string& key) const {
-  return path_.empty() ? key : path_ + "/" + key;
-}
-
 bool ParameterReader::has(const std::string& key) const {
-  return tree_->asDictionary().count(key) != 0;
+  return tree_->find(key) != nullptr;
 }
 
 bool ParameterReader::isNumber(const std::string& key) const {
-  if (!has(key)) return false;
   double unused = 0.0;
-  const ParameterTree& value = tree_->asDictionary().at(key);
-  return findNumber(value, &unused) || findQuantityOrFormula(value);
+  const ParameterTree* const value = tree_->find(key);
+  return value != nullptr && (parseNumber(*value, &unused) || findQuantityOrFormula(*value));
 }
 
 void ParameterReader::noteKeys(std::set<std::string>* paths) {
   noted_keys = paths;
 }
 
-void ParameterReader::noteNumbers(std::map<std::string, double>* numbers) {
+void ParameterReader::noteNumbers(std::map<std::string, double>* numbers,
+                                  std::map<std::string, Range>* ranges) {
   noted_numbers = numbers;
-}
-
-void noteRanges(std::map<std::string, Range>* ranges) {
   noted_ranges = ranges;
 }
 
@@ -324,8 +316,7 @@ void ParameterReader::allow(const std::string& key) {
 
 const ParameterTree* ParameterReader::raw(const std::string& key) {
   allow(key);
-  const auto found = tree_->asDictionary().find(key);
-  return found == tree_->asDictionary().end() ? nullptr : &found->second;
+  return tree_->find(key);
 }
 
 const ParameterTree& ParameterReader::require(const std::string& key, const std::string& what) {
@@ -336,10 +327,10 @@ const ParameterTree& ParameterReader::require(const std::string& key, const std:
     if (known_.count(entry.first) == 0) unread.push_back(entry.first);
   }
   const std::string misspelt = findNearestName(key, unread);
-  throw SceneError(keyPath(key), "missing; expected " + what +
-                                     (misspelt.empty() ? ""
-                                                       : " (is " + inQuotes(misspelt) +
-                                                             " meant for " + inQuotes(key) + "?)"));
+  throw error(key, "missing; expected " + what +
+                       (misspelt.empty()
+                            ? ""
+                            : " (is " + inQuotes(misspelt) + " meant for " + inQuotes(key) + "?)"));
 }
 
 double ParameterReader::toNumber(const ParameterTree& value, const std::string& path,
@@ -347,7 +338,7 @@ double ParameterReader::toNumber(const ParameterTree& value, const std::string& 
   double number = 0.0;
   const bool any = range.toText() == Range::any().toText();
   std::string allowed = any ? "a finite number" : "a number " + range.toText();
-  if (!findNumber(value, &number)) {
+  if (!parseNumber(value, &number)) {
     const std::optional<Quantity> quantity = findQuantity(value);
     if (!quantity) throw SceneError(path, "expected " + allowed + ", " + describe(value));
     number = toSi(*quantity, range.unit, path, value, allowed);
@@ -360,6 +351,14 @@ double ParameterReader::toNumber(const ParameterTree& value, const std::string& 
     throw SceneError(path, value.toText() + " is out of range; allowed: " + allowed);
   }
   return noteNumber(path, number, range);
+}
+
+std::optional<double> ParameterReader::findNumber(const ParameterTree& value) {
+  double number = 0.0;
+  if (parseNumber(value, &number)) return number;
+  const std::optional<Quantity> quantity = findQuantity(value);
+  if (!quantity || !quantity->unit.unknown.empty()) return {};
+  return quantity->unit.unit.toSi(quantity->number);
 }
 
 double ParameterReader::number(const std::string& key, const Range& range,
@@ -381,13 +380,13 @@ int ParameterReader::integer(const std::string& key, int minimum, int maximum,
   const bool is_scalar = value.kind() == ParameterTree::Kind::kInteger ||
                          value.kind() == ParameterTree::Kind::kReal ||
                          value.kind() == ParameterTree::Kind::kText;
-  if (!is_scalar) throw SceneError(keyPath(key), "expected " + what + ", " + describe(value));
+  if (!is_scalar) throw error(key, "expected " + what + ", " + describe(value));
   const double number = toNumber(value, keyPath(key));
   if (number != std::floor(number)) {
-    throw SceneError(keyPath(key), value.toText() + " is not an integer; allowed: " + what);
+    throw error(key, value.toText() + " is not an integer; allowed: " + what);
   }
   if (!(number >= minimum && number <= maximum)) {
-    throw SceneError(keyPath(key), value.toText() + " is out of range; allowed: " + what);
+    throw error(key, value.toText() + " is out of range; allowed: " + what);
   }
   return static_cast<int>(number);
 }
@@ -418,7 +417,7 @@ std::string ParameterReader::formula(const std::string& key, const std::string& 
     case ParameterTree::Kind::kReal:
       return formatNumber(toNumber(value, keyPath(key)));
     default:
-      throw SceneError(keyPath(key), "expected a formula (a text or a number), " + describe(value));
+      throw error(key, "expected a formula (a text or a number), " + describe(value));
   }
 }
 
@@ -429,10 +428,7 @@ std::string ParameterReader::choice(const std::string& key, const std::vector<st
   const ParameterTree& value = require(key, what);
   requireKind(ParameterTree::Kind::kText, value, keyPath(key), what);
   const std::string& name = value.asText();
-  if (std::find(allowed.begin(), allowed.end(), name) == allowed.end()) {
-    throw SceneError(keyPath(key),
-                     inQuotes(name) + " is not allowed" + suggestAmong(name, allowed));
-  }
+  placeOf(name, allowed, keyPath(key), "is not allowed");
   return name;
 }
 
@@ -444,8 +440,8 @@ std::vector<double> ParameterReader::numbers(const std::string& key, std::size_t
   requireKind(ParameterTree::Kind::kList, value, keyPath(key), what);
   const ParameterTree::List& list = value.asList();
   if (list.size() != size) {
-    throw SceneError(keyPath(key), "expected " + what + ", got " + std::to_string(list.size()) +
-                                       ": " + value.toText());
+    throw error(
+        key, "expected " + what + ", got " + std::to_string(list.size()) + ": " + value.toText());
   }
   std::vector<double> numbers;
   for (std::size_t i = 0; i < list.size(); ++i) {
@@ -454,13 +450,18 @@ std::vector<double> ParameterReader::numbers(const std::string& key, std::size_t
   return numbers;
 }
 
+const ParameterTree::List& ParameterReader::list(const std::string& key, const std::string& what) {
+  static const ParameterTree empty = ParameterTree::list();
+  const ParameterTree* const value = raw(key);
+  if (value == nullptr || value->kind() == ParameterTree::Kind::kNothing) return empty.asList();
+  requireKind(ParameterTree::Kind::kList, *value, keyPath(key), what);
+  return value->asList();
+}
+
 std::vector<std::string> ParameterReader::names(const std::string& key) {
-  const ParameterTree* value = raw(key);
-  if (value == nullptr || value->kind() == ParameterTree::Kind::kNothing) return {};
-  requireKind(ParameterTree::Kind::kList, *value, keyPath(key), "a list of names");
   std::vector<std::string> names;
-  for (std::size_t i = 0; i < value->asList().size(); ++i) {
-    names.push_back(requireText(value->asList()[i], elementPath(keyPath(key), i)));
+  for (const ParameterTree& name : list(key, "a list of names")) {
+    names.push_back(requireText(name, elementPath(keyPath(key), names.size())));
   }
   return names;
 }
@@ -476,18 +477,22 @@ std::map<std::string, double> ParameterReader::numberDictionary(const std::strin
   return numbers;
 }
 
-ParameterReader ParameterReader::section(const std::string& key) {
+ParameterReader ParameterReader::section(const std::string& key,
+                                         std::initializer_list<const char*> known) {
+  static const ParameterTree empty = ParameterTree::dictionary();
   const ParameterTree& value = require(key, "a dictionary");
   // A key with nothing behind it is a dictionary whose lines are all commented out.
   const bool is_empty = value.kind() == ParameterTree::Kind::kNothing;
-  return ParameterReader(is_empty ? emptyDictionary() : value, keyPath(key));
+  ParameterReader reader(is_empty ? empty : value, keyPath(key));
+  reader.allow(known);
+  return reader;
 }
 
 void ParameterReader::finish() const {
   const std::vector<std::string> known(known_.begin(), known_.end());
   for (const auto& entry : tree_->asDictionary()) {
     if (known_.count(entry.first) != 0) continue;
-    throw SceneError(keyPath(entry.first), "unknown key" + suggestAmong(entry.first, known));
+    throw error(entry.first, "unknown key" + suggestAmong(entry.first, known));
   }
 }
 

@@ -1,16 +1,13 @@
-#include "model/ros_packages.h"
-
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <map>
-#include <sstream>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include "io/text_file.h"
-#include "variator_sim/errors.h"
+#include "model/table_file.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
@@ -18,12 +15,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Returns the parts that are not empty.
 std::vector<std::string> split(const std::string& text, char separator) {
-  std::vector<std::string> parts;
-  std::stringstream stream(text);
-  for (std::string part; std::getline(stream, part, separator);) {
-    if (!part.empty()) parts.push_back(part);
-  }
+  std::vector<std::string> parts = splitAt(text, separator);
+  parts.erase(std::remove(parts.begin(), parts.end(), ""), parts.end());
   return parts;
 }
 

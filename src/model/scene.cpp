@@ -9,15 +9,8 @@
 #include <set>
 #include <utility>
 
-#include "model/derivative_check.h"
-#include "model/energy_warning.h"
-#include "model/extreme_numbers.h"
 #include "model/interrupted.h"
-#include "model/scene_inertia.h"
-#include "model/scene_memory.h"
-#include "model/scene_names.h"
-#include "model/scene_parts.h"
-#include "model/scene_symbols.h"
+#include "model/scene_readers.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/nearest_name.h"
 
@@ -74,9 +67,8 @@ void refuseRemovedStepper(ParameterReader& reader) {
   if (given == nullptr || given->kind() != ParameterTree::Kind::kText) return;
   for (const auto& [name, successor] : kRemovedSteppers) {
     if (given->asText() != name) continue;
-    throw SceneError(reader.keyPath("stepper"), inQuotes(name) + " was removed; use " +
-                                                    inQuotes(successor) +
-                                                    "; allowed: " + joinNames(namesOf(kSteppers)));
+    throw reader.error("stepper", inQuotes(name) + " was removed; use " + inQuotes(successor) +
+                                      "; allowed: " + joinNames(namesOf(kSteppers)));
   }
 }
 
@@ -107,8 +99,8 @@ InitialConditions readInitial(ParameterReader& root, std::size_t shaft_count) {
   initial.angle.assign(shaft_count, 0.0);
   initial.velocity.assign(shaft_count, 0.0);
   if (!root.has("initial")) return initial;
-  ParameterReader reader = root.section("initial");
-  for (const char* key : {"angle", "velocity", "acceleration", "project"}) reader.allow(key);
+  ParameterReader reader =
+      root.section("initial", {"angle", "velocity", "acceleration", "project"});
   if (reader.has("angle")) initial.angle = reader.numbers("angle", shaft_count, Range::any("rad"));
   if (reader.has("velocity"))
     initial.velocity = reader.numbers("velocity", shaft_count, Range::any("rad/s"));
@@ -137,7 +129,7 @@ const ComponentKind kConstraintKind{
                                    const std::string& type) {
   const std::vector<std::string> types = (factory.*kind.types)();
   const std::vector<std::string> others = (factory.*other.types)();
-  if (std::find(others.begin(), others.end(), type) != others.end()) {
+  if (contains(others, type)) {
     throw SceneError(path, inQuotes(type) + " is a " + other.name + ", not a " + kind.name +
                                ": its name belongs in " + other.list + ", not in " + kind.list +
                                "; allowed: " + joinNames(types));
@@ -157,7 +149,7 @@ void checkOutputNames(const std::string& component, const ComponentKind& kind,
                       const std::vector<std::string>& outputs) {
   std::vector<std::string> taken = kind.columns;
   for (const std::string& output : outputs) {
-    if (!isName(output) || std::find(taken.begin(), taken.end(), output) != taken.end()) {
+    if (!isName(output) || contains(taken, output)) {
       throw SceneError(component, "states an output " + inQuotes(output) +
                                       " (outputNames); allowed: letters, digits and '_', starting "
                                       "with a letter, each name once, and none of " +
@@ -178,7 +170,7 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
   try {
     component = create(type);
   } catch (const std::exception& error) {
-    throw SceneError(reader.keyPath("type"), inQuotes(type) + " cannot be loaded: " + error.what());
+    throw reader.error("type", inQuotes(type) + " cannot be loaded: " + error.what());
   }
   if (component == nullptr) {
     throwUnknownType(kind, other, factory, reader.keyPath("type"), type);
@@ -237,7 +229,7 @@ void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene,
 
 void checkTopics(const Scene& scene, const std::vector<std::string>& taken) {
   for (const CommandInputSettings& input : scene.inputs) {
-    const bool is_taken = std::find(taken.begin(), taken.end(), input.topic) != taken.end();
+    const bool is_taken = contains(taken, input.topic);
     if (!is_taken || input.kind != InputKind::kCommanded) continue;
     throw SceneError(input.topic_path.empty() ? input.owner + "/topic" : input.topic_path,
                      inQuotes(input.topic) +
@@ -328,8 +320,7 @@ class Faults {
 void checkEdges(const Scene& scene) {
   constexpr std::size_t kMostEdges = 500;
   std::size_t count = 0;
-  for (const TorquePtr& torque : scene.torques) count += torque->guards().size();
-  for (const ConstraintPtr& constraint : scene.constraints) count += constraint->guards().size();
+  for (const Law* law : scene.laws()) count += law->guards().size();
   if (count <= kMostEdges) return;
   throw SceneError("", "abs, min, max, sign, clamp, if, tables and laws that switch make " +
                            std::to_string(count) +
@@ -447,8 +438,7 @@ void rereadNumbers(const ParameterTree& given, const NodeNames& node, Scene* sce
 bool isOutsideFormulas(const std::string& path, const Scene& scene) {
   const std::string first = path.substr(0, path.find_first_of("/["));
   if (!scene.inertia_formulas.empty()) return first == "solver";
-  return first == "initial" || first == "solver" ||
-         std::find(scene.shafts.begin(), scene.shafts.end(), first) != scene.shafts.end();
+  return first == "initial" || first == "solver" || contains(scene.shafts, first);
 }
 
 std::string Scene::nameOfDirection() const {
@@ -460,13 +450,17 @@ std::string Scene::nameOfDirection() const {
 
 std::vector<std::string> Scene::holdNames() const {
   std::vector<std::string> names;
-  for (const TorquePtr& element : torques) {
-    for (const Holding& it : element->holdings()) names.push_back(element->nameOf(it));
-  }
-  for (const ConstraintPtr& element : constraints) {
-    for (const Holding& it : element->holdings()) names.push_back(element->nameOf(it));
+  for (const Law* law : laws()) {
+    for (const Holding& it : law->holdings()) names.push_back(law->nameOf(it));
   }
   return names;
+}
+
+std::vector<const Law*> Scene::laws() const {
+  std::vector<const Law*> all;
+  for (const TorquePtr& torque : torques) all.push_back(torque.get());
+  for (const ConstraintPtr& constraint : constraints) all.push_back(constraint.get());
+  return all;
 }
 
 std::vector<std::string> Scene::eventNames() const {

@@ -1,16 +1,12 @@
-#include "model/scene_inertia.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <utility>
 
 #include "model/formula_laws.h"
 #include "model/interrupted.h"
-#include "model/scene_names.h"
-#include "variator_sim/component_context.h"
+#include "model/scene_readers.h"
 #include "variator_sim/expression/guards.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
@@ -124,43 +120,35 @@ ShaftInertia readShaftInertia(ParameterReader& root, const std::string& shaft) {
     reader.finish();
     return inertia;
   }
-  ParameterReader parts = reader.section("inertia");
-  for (const char* key : {"mean", "harmonics"}) parts.allow(key);
+  ParameterReader parts = reader.section("inertia", {"mean", "harmonics"});
   inertia.mean = parts.number("mean", Range::positive("kg m^2"));
-  const ParameterTree* harmonics = parts.raw("harmonics");
-  if (harmonics != nullptr && harmonics->kind() != ParameterTree::Kind::kNothing) {
-    if (harmonics->kind() != ParameterTree::Kind::kList) {
-      throw SceneError(parts.keyPath("harmonics"), "expected a list of {order, cos, sin}, got " +
-                                                       harmonics->describeKind() + ": " +
-                                                       harmonics->toText());
-    }
-    for (std::size_t n = 0; n < harmonics->asList().size(); ++n) {
-      ParameterReader entry(harmonics->asList()[n], elementPath(parts.keyPath("harmonics"), n));
-      for (const char* key : {"order", "cos", "sin"}) entry.allow(key);
-      InertiaHarmonic harmonic;
-      harmonic.order = entry.integer("order", 1, 1000);
-      harmonic.cosine = entry.number("cos", Range::any("kg m^2"), 0.0);
-      harmonic.sine = entry.number("sin", Range::any("kg m^2"), 0.0);
-      entry.finish();
-      add(harmonic, &inertia.harmonics);
-    }
+  std::size_t n = 0;
+  for (const ParameterTree& it : parts.list("harmonics", "a list of {order, cos, sin}")) {
+    ParameterReader entry(it, elementPath(parts.keyPath("harmonics"), n++));
+    entry.allow({"order", "cos", "sin"});
+    InertiaHarmonic harmonic;
+    harmonic.order = entry.integer("order", 1, 1000);
+    harmonic.cosine = entry.number("cos", Range::any("kg m^2"), 0.0);
+    harmonic.sine = entry.number("sin", Range::any("kg m^2"), 0.0);
+    entry.finish();
+    add(harmonic, &inertia.harmonics);
   }
   parts.finish();
   reader.finish();
   inertia.least = calcLeastInertia(inertia);
   if (!(inertia.least > 0.0)) {
-    throw SceneError(reader.keyPath("inertia"),
-                     value->toText() + " falls to " + ParameterTree::real(inertia.least).toText() +
-                         " kg m^2 at some angle; allowed: > 0 at every angle");
+    throw reader.error("inertia", value->toText() + " falls to " + formatReal(inertia.least) +
+                                      " kg m^2 at some angle; allowed: > 0 at every angle");
   }
   return inertia;
 }
 
 const char* const kCouplings = "inertia_coupling";
+const std::string kCouplingsExpected = "a list of couplings [shaft, shaft, value in kg m^2]";
 
 SceneError unexpectedCoupling(const std::string& path, const ParameterTree& value) {
-  return SceneError(path, "expected a list of couplings [shaft, shaft, value in kg m^2], got " +
-                              value.describeKind() + ": " + value.toText());
+  return SceneError(path, "expected " + kCouplingsExpected + ", got " + value.describeKind() +
+                              ": " + value.toText());
 }
 
 /// Reads the two shafts of a coupling [a, b, value], in ascending order.
@@ -173,12 +161,7 @@ std::pair<int, int> readCoupledShafts(const ParameterTree& coupling, const std::
   for (std::size_t i = 0; i < 2; ++i) {
     const ParameterTree& name = coupling.asList()[i];
     if (name.kind() != ParameterTree::Kind::kText) throw unexpectedCoupling(path, coupling);
-    const auto found = std::find(shafts.begin(), shafts.end(), name.asText());
-    if (found == shafts.end()) {
-      throw SceneError(elementPath(path, i), inQuotes(name.asText()) + " is not a shaft" +
-                                                 suggestAmong(name.asText(), shafts));
-    }
-    pair[i] = static_cast<int>(found - shafts.begin());
+    pair[i] = placeOf(name.asText(), shafts, elementPath(path, i), "is not a shaft");
   }
   if (pair[0] == pair[1]) {
     throw SceneError(
@@ -213,21 +196,17 @@ double calcSmallestEigenvalue(const Eigen::MatrixXd& A) {
 /// is positive definite at every angle when it is with these on its diagonal.
 void readInertiaCoupling(ParameterReader& root, const std::vector<double>& least, Scene* scene) {
   Eigen::MatrixXd* const J = &scene->inertia;
-  const ParameterTree* couplings = root.raw(kCouplings);
-  if (couplings == nullptr || couplings->kind() == ParameterTree::Kind::kNothing) return;
-  if (couplings->kind() != ParameterTree::Kind::kList) {
-    throw unexpectedCoupling(kCouplings, *couplings);
-  }
+  const ParameterTree::List& couplings = root.list(kCouplings, kCouplingsExpected);
+  if (couplings.empty()) return;
   std::vector<std::pair<int, int>> coupled;
   bool has_formulas = false;
   for (const std::string& shaft : scene->shafts) {
     has_formulas = has_formulas || isFormula(root.section(shaft), "inertia");
   }
-  for (std::size_t n = 0; n < couplings->asList().size(); ++n) {
-    const ParameterTree& coupling = couplings->asList()[n];
-    const std::string path = elementPath(kCouplings, n);
+  for (const ParameterTree& coupling : couplings) {
+    const std::string path = elementPath(kCouplings, coupled.size());
     const std::pair<int, int> pair = readCoupledShafts(coupling, path, scene->shafts);
-    if (std::find(coupled.begin(), coupled.end(), pair) != coupled.end()) {
+    if (contains(coupled, pair)) {
       throw SceneError(path, coupling.toText() +
                                  " couples these shafts a second time; allowed: every pair once");
     }
@@ -251,9 +230,9 @@ void readInertiaCoupling(ParameterReader& root, const std::vector<double>& least
   }
   if (has_formulas || isPositiveDefinite(smallest)) return;
   throw SceneError(kCouplings,
-                   couplings->toText() +
+                   root.raw(kCouplings)->toText() +
                        " makes the inertia matrix J indefinite: its smallest eigenvalue is " +
-                       ParameterTree::real(calcSmallestEigenvalue(smallest)).toText() +
+                       formatReal(calcSmallestEigenvalue(smallest)) +
                        " kg m^2; allowed: a positive definite J" + scene->extreme_numbers);
 }
 
@@ -355,8 +334,7 @@ void takeFormulas(std::vector<Node> J, bool are_constant, Scene* scene) {
     throw SceneError("shafts",
                      "the inertia matrix J is not positive definite at the start: its smallest "
                      "eigenvalue is " +
-                         ParameterTree::real(calcSmallestEigenvalue(scene->inertia)).toText() +
-                         " kg m^2");
+                         formatReal(calcSmallestEigenvalue(scene->inertia)) + " kg m^2");
   }
   if (!are_constant) scene->inertia_formulas = std::move(J);
 }
@@ -414,12 +392,9 @@ void readInertiaFormulas(ParameterReader& root, Scene* scene) {
     set(i, i, readEntry(reader, shaft, "inertia", *scene, scene->inputs));
     is_any = true;
   }
-  const ParameterTree* couplings = root.raw(kCouplings);
-  const bool has_couplings =
-      couplings != nullptr && couplings->kind() == ParameterTree::Kind::kList;
-  for (std::size_t n = 0; has_couplings && n < couplings->asList().size(); ++n) {
-    const ParameterTree& coupling = couplings->asList()[n];
-    const std::string path = elementPath(kCouplings, n);
+  std::size_t coupled = 0;
+  for (const ParameterTree& coupling : root.list(kCouplings, kCouplingsExpected)) {
+    const std::string path = elementPath(kCouplings, coupled++);
     const auto [i, j] = readCoupledShafts(coupling, path, scene->shafts);
     const ParameterTree value = valueOf(coupling);
     ParameterReader reader(value, path);

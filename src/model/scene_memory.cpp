@@ -1,17 +1,12 @@
-#include "model/scene_memory.h"
-
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <stdexcept>
 
-#include "model/scene_observers.h"
-#include "model/scene_symbols.h"
+#include "model/scene_readers.h"
 #include "variator_sim/expression/guards.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/nearest_name.h"
-#include "variator_sim/types.h"
 
 namespace variator_sim {
 namespace {
@@ -70,7 +65,7 @@ Node readSwitching(ComponentContext& context, const char* key) {
     throw std::length_error("abs, min, max, sign, clamp and if make " + std::to_string(edges) +
                             " edges; allowed: " + std::to_string(kMostEdges) + " at most");
   } catch (const std::length_error& error) {
-    throw SceneError(context.parameters().keyPath(key), error.what());
+    throw context.parameters().error(key, error.what());
   }
 }
 
@@ -92,32 +87,29 @@ struct Pid {
 };
 
 Pid readPid(ParameterReader& reader) {
-  for (const char* key : {"type", "error", "kp", "ki", "kd", "limits", "derivative_time",
-                          "tracking_time", "initial", "parameters"}) {
-    reader.allow(key);
-  }
+  reader.allow({"type", "error", "kp", "ki", "kd", "limits", "derivative_time", "tracking_time",
+                "initial", "parameters"});
   Pid made;
   made.kp = reader.number("kp", Range::any(), 0.0);
   made.ki = reader.number("ki", Range::any(), 0.0);
   made.kd = reader.number("kd", Range::any(), 0.0);
   if (made.kp == 0.0 && made.ki == 0.0 && made.kd == 0.0) {
-    throw SceneError(reader.keyPath("kp"),
-                     "kp, ki and kd are 0; allowed: at least one that is not");
+    throw reader.error("kp", "kp, ki and kd are 0; allowed: at least one that is not");
   }
   // The derivative of the error itself would need accelerations, which no torque may read.
   if (made.kd != 0.0) made.derivative_time = reader.number("derivative_time", Range::positive("s"));
   if (made.kd != 0.0 && !std::isfinite((std::abs(made.kd) + 1.0) / made.derivative_time)) {
-    throw SceneError(reader.keyPath("derivative_time"),
-                     formatNumber(made.derivative_time) + " beside a kd of " +
-                         formatNumber(made.kd) +
-                         ": kd/derivative_time is beyond double precision; allowed: a longer time");
+    throw reader.error(
+        "derivative_time",
+        formatNumber(made.derivative_time) + " beside a kd of " + formatNumber(made.kd) +
+            ": kd/derivative_time is beyond double precision; allowed: a longer time");
   }
   if (!reader.has("limits")) return made;
   made.limits = reader.numbers("limits", 2);
   if (!(made.limits[0] < made.limits[1])) {
-    throw SceneError(reader.keyPath("limits"), formatNumber(made.limits[0]) + " and " +
-                                                   formatNumber(made.limits[1]) +
-                                                   ": the lower limit comes first");
+    throw reader.error("limits", formatNumber(made.limits[0]) + " and " +
+                                     formatNumber(made.limits[1]) +
+                                     ": the lower limit comes first");
   }
   if (made.ki != 0.0) {
     std::optional<double> preset;
@@ -167,8 +159,7 @@ bool isController(const std::string& name, ParameterReader& root) {
 void readStates(ParameterReader& root, const SceneNames& names, Scene* scene) {
   for (const std::string& name : names.states) {
     if (isController(name, root)) continue;
-    ParameterReader reader = root.section(name);
-    for (const char* key : {"rate", "initial", "trim", "parameters"}) reader.allow(key);
+    ParameterReader reader = root.section(name, {"rate", "initial", "trim", "parameters"});
     ComponentContext context = contextOf(name, reader, scene);
     const int input = scene->symbols.inputs.at(name);
     SceneState& state = *std::find_if(scene->states.begin(), scene->states.end(),
@@ -176,11 +167,11 @@ void readStates(ParameterReader& root, const SceneNames& names, Scene* scene) {
     state.rate = readSwitching(context, "rate");
     for (const SceneState& other : scene->states) {
       if (!scene->graph->dependsOn(state.rate, slotOf(Source::kInputRate, other.input))) continue;
-      throw SceneError(reader.keyPath("rate"),
-                       "reads a jerk, a rate of reaction or a multiplier, which depends on the "
-                       "rate of the state " +
-                           inQuotes(scene->inputs[static_cast<std::size_t>(other.input)].name) +
-                           "; allowed in when, set and outputs");
+      throw reader.error("rate",
+                         "reads a jerk, a rate of reaction or a multiplier, which depends on the "
+                         "rate of the state " +
+                             inQuotes(scene->inputs[static_cast<std::size_t>(other.input)].name) +
+                             "; allowed in when, set and outputs");
     }
     reader.finish();
   }
@@ -191,7 +182,7 @@ void noteReaders(ParameterReader& root, const SceneNames& names, Scene* scene) {
   for (SceneState& state : scene->states) {
     const int slot = slotOf(Source::kInput, state.input);
     const auto reads = [&](Node node) { return scene->graph->dependsOn(node, slot); };
-    const auto lawReads = [&](const auto& law) {
+    const auto lawReads = [&](const Law* law) {
       const std::vector<Holding>& holds = law->holdings();
       const auto limitReads = [&](const std::optional<Expression>& it) {
         return it && reads(it->in(*scene->graph));
@@ -202,9 +193,9 @@ void noteReaders(ParameterReader& root, const SceneNames& names, Scene* scene) {
                       limitReads(it.gap);
              });
     };
+    const std::vector<const Law*> laws = scene->laws();
     const bool is_moving =
-        std::any_of(scene->torques.begin(), scene->torques.end(), lawReads) ||
-        std::any_of(scene->constraints.begin(), scene->constraints.end(), lawReads) ||
+        std::any_of(laws.begin(), laws.end(), lawReads) ||
         std::any_of(scene->inputs.begin(), scene->inputs.end(), [&](const auto& it) {
           return it.kind == InputKind::kDelayed && reads(it.delayed);
         });
@@ -216,7 +207,7 @@ void noteReaders(ParameterReader& root, const SceneNames& names, Scene* scene) {
     state.trims_to_rest = is_moving || rates_read;
     // (Those of a controller have no dictionary of their own.)
     const std::string& name = scene->inputs[static_cast<std::size_t>(state.input)].name;
-    if (std::find(names.states.begin(), names.states.end(), name) == names.states.end()) continue;
+    if (!contains(names.states, name)) continue;
     ParameterReader reader = root.section(name);
     if (reader.has("trim")) state.trims_to_rest = reader.choice("trim", {"rest", "free"}) == "rest";
   }
@@ -229,16 +220,15 @@ void readEvents(ParameterReader& root, const SceneNames& names, Scene* scene) {
                                    std::to_string(kMaxEvents));
   }
   for (const std::string& name : names.events) {
-    ParameterReader reader = root.section(name);
-    for (const char* key : {"when", "direction", "set", "parameters"}) reader.allow(key);
+    ParameterReader reader = root.section(name, {"when", "direction", "set", "parameters"});
     ComponentContext context = contextOf(name, reader, scene);
     SceneEvent event;
     event.name = name;
     event.when = readSwitching(context, "when");
     if (graph.isConstant(event.when)) {
-      throw SceneError(reader.keyPath("when"),
-                       "is a constant, which passes 0 nowhere; allowed: a formula that changes "
-                       "its sign along the motion");
+      throw reader.error("when",
+                         "is a constant, which passes 0 nowhere; allowed: a formula that changes "
+                         "its sign along the motion");
     }
     const std::string direction =
         reader.choice("direction", {"rising", "falling", "both"}, std::string("both"));
@@ -255,8 +245,8 @@ void readEvents(ParameterReader& root, const SceneNames& names, Scene* scene) {
     }
     set.finish();
     if (event.sets.empty()) {
-      throw SceneError(reader.keyPath("set"),
-                       "sets nothing; allowed: names of variables and states with their values");
+      throw reader.error("set",
+                         "sets nothing; allowed: names of variables and states with their values");
     }
     reader.finish();
     scene->events.push_back(std::move(event));

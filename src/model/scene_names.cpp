@@ -1,9 +1,9 @@
-#include "model/scene_names.h"
-
 #include <algorithm>
 #include <map>
 #include <utility>
 
+#include "model/scene_readers.h"
+#include "variator_sim/expression/parser.h"
 #include "variator_sim/nearest_name.h"
 #include "variator_sim/types.h"
 
@@ -19,10 +19,6 @@ const std::vector<std::string>& sceneKeys() {
       "inputs",  "tables",    "variables",        "states",  "events",
       "outputs", "principle", "initial",          "solver",  "verify_derivatives"};
   return keys;
-}
-
-bool contains(const std::vector<std::string>& names, const std::string& name) {
-  return std::find(names.begin(), names.end(), name) != names.end();
 }
 
 std::vector<std::string> joined(std::vector<std::string> first,
@@ -142,11 +138,7 @@ bool isSceneKey(const std::string& key) {
 }
 
 bool isName(const std::string& name) {
-  if (name.size() > kLongestName) return false;
-  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
-  return !name.empty() && is_letter(name.front()) &&
-         std::all_of(name.begin(), name.end(),
-                     [&](char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; });
+  return name.size() <= kLongestName && expression::isValidName(name) && name.front() != '_';
 }
 
 SceneNames readSceneNames(const ParameterTree& tree, ParameterReader& root,

@@ -1,14 +1,11 @@
-#include "model/scene_observers.h"
-
 #include <algorithm>
 #include <functional>
 #include <memory>
 #include <set>
-#include <string>
 #include <utility>
-#include <vector>
 
 #include "model/formula_laws.h"
+#include "model/scene_readers.h"
 #include "variator_sim/expression/state_derivatives.h"
 
 namespace variator_sim {

@@ -1,12 +1,10 @@
-#include "model/scene_parts.h"
-
 #include <algorithm>
 #include <map>
 #include <set>
 #include <utility>
 
 #include "expression/characters.h"
-#include "model/scene_names.h"
+#include "model/scene_readers.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
@@ -135,34 +133,18 @@ class Renaming {
 
 /// J of a shaft that is in two scenes: numbers are added, {mean, harmonics} by their parts.
 ParameterTree addInertias(const ParameterTree& a, const ParameterTree& b, const std::string& path) {
-  const auto partsOf = [&](const ParameterTree& inertia) {
-    if (inertia.kind() == Kind::kDictionary) return inertia.asDictionary();
-    return Dictionary{{"mean", inertia}};
-  };
-  const auto meanOf = [&](const Dictionary& parts) {
-    const auto mean = parts.find("mean");
-    return mean == parts.end()
-               ? 0.0
-               : ParameterReader::toNumber(mean->second, path, Range::any("kg m^2"));
-  };
-  const Dictionary first = partsOf(a);
-  const Dictionary second = partsOf(b);
-  ParameterTree mean = ParameterTree::real(meanOf(first) + meanOf(second));
+  double mean = 0.0;
   ParameterTree::List harmonics;
-  for (const Dictionary* of : {&first, &second}) {
-    const auto found = of->find("harmonics");
-    if (found == of->end()) continue;
-    const ParameterTree::List& more = found->second.asList();
-    harmonics.insert(harmonics.end(), more.begin(), more.end());
+  for (const ParameterTree* of : {&a, &b}) {
+    const ParameterTree* const its = of->kind() == Kind::kDictionary ? of->find("mean") : of;
+    if (its != nullptr) mean += ParameterReader::toNumber(*its, path, Range::any("kg m^2"));
+    const ParameterTree* const more = of->find("harmonics");
+    if (more == nullptr) continue;
+    harmonics.insert(harmonics.end(), more->asList().begin(), more->asList().end());
   }
-  if (harmonics.empty()) return mean;
-  return ParameterTree::dictionary(
-      {{"mean", mean}, {"harmonics", ParameterTree::list(std::move(harmonics))}});
-}
-
-/// Returns the path of a shaft in `connect` of a part.
-std::string connectPath(const std::string& part, const std::string& shaft) {
-  return part + "/connect/" + shaft;
+  if (harmonics.empty()) return ParameterTree::real(mean);
+  return ParameterTree::dictionary({{"mean", ParameterTree::real(mean)},
+                                    {"harmonics", ParameterTree::list(std::move(harmonics))}});
 }
 
 /// Puts the parts of one scene into its lists.
@@ -231,7 +213,7 @@ class Merge {
       ParameterReader reader(part.scene, "");
       readSceneNames(part.scene, reader, node_keys_);
     } catch (const SceneError& error) {
-      throw SceneError(name + (error.keyPath().empty() ? "" : "/" + error.keyPath()),
+      throw SceneError(error.keyPath().empty() ? name : entryPath(name, error.keyPath()),
                        error.message());
     }
     checkPrinciple(name, part.scene);
@@ -242,19 +224,19 @@ class Merge {
     bool is_taken = made_.count(name) > 0 || isSceneKey(name);
     for (const SceneList& list : kSceneLists) {
       const std::vector<std::string> names = namesAt(own_, list.key, "");
-      is_taken = is_taken || std::find(names.begin(), names.end(), name) != names.end();
+      is_taken = is_taken || contains(names, name);
     }
-    return is_taken || std::find(node_keys_.begin(), node_keys_.end(), name) != node_keys_.end();
+    return is_taken || contains(node_keys_, name);
   }
 
   /// One machine has one principle.
   void checkPrinciple(const std::string& name, const ParameterTree& scene) const {
-    const auto its = scene.asDictionary().find("principle");
-    if (its == scene.asDictionary().end()) return;
-    const auto own = root_.find("principle");
-    const std::string taken = own == root_.end() ? "generalized_gauss" : own->second.asText();
-    if (its->second.asText() == taken) return;
-    throw SceneError(name + "/principle", inQuotes(its->second.asText()) +
+    const ParameterTree* const its = scene.find("principle");
+    if (its == nullptr) return;
+    const ParameterTree* const own = own_.find("principle");
+    const std::string taken = own == nullptr ? "generalized_gauss" : own->asText();
+    if (its->asText() == taken) return;
+    throw SceneError(name + "/principle", inQuotes(its->asText()) +
                                               " where the scene around it has " + inQuotes(taken) +
                                               "; allowed: one for all, here by 'principle' of this "
                                               "scene, or of the part in its dictionary");
@@ -268,25 +250,19 @@ class Merge {
       Part& part = made_[name];
       const std::vector<std::string> its = namesAt(part.scene, "shafts", name);
       for (const std::string& shaft : its) {
-        std::string& path = part.shafts[shaft];
-        path.append(name).append("/").append(shaft);
+        const std::string path = part.shafts[shaft] = entryPath(name, shaft);
         if (part.connected.count(shaft) == 0) all.push_back(path);
       }
-      for (const auto& [shaft, outer] : part.connected) {
-        if (part.shafts.count(shaft) > 0) continue;
-        throw SceneError(name + "/connect", inQuotes(shaft) + " is not a shaft of this part" +
-                                                suggestAmong(shaft, its));
+      for (const auto& connected : part.connected) {
+        placeOf(connected.first, its, name + "/connect", "is not a shaft of this part");
       }
     }
     for (const std::string& name : parts_) {
       Part& part = made_[name];
       std::set<std::string> taken;
       for (const auto& [shaft, outer] : part.connected) {
-        const std::string path = connectPath(name, shaft);
-        if (std::find(all.begin(), all.end(), outer) == all.end()) {
-          throw SceneError(
-              path, inQuotes(outer) + " is not a shaft of this scene" + suggestAmong(outer, all));
-        }
+        const std::string path = entryPath(name + "/connect", shaft);
+        placeOf(outer, all, path, "is not a shaft of this scene");
         if (!taken.insert(outer).second) {
           throw SceneError(path, inQuotes(outer) +
                                      " is connected twice: shafts that turn together are "
@@ -344,24 +320,19 @@ class Merge {
     const auto own = root_.find(shaft);
     if (own == root_.end() || own->second.kind() != Kind::kDictionary) return its;
     ParameterTree made = own->second;
-    const auto more = its.asDictionary().find("inertia");
-    if (more == its.asDictionary().end()) return made;
+    const ParameterTree* const more = its.find("inertia");
+    if (more == nullptr) return made;
     ParameterTree& sum = made.asDictionary()["inertia"];
-    sum = sum.kind() == Kind::kNothing ? more->second
-                                       : addInertias(sum, more->second, shaft + "/inertia");
+    sum = sum.kind() == Kind::kNothing ? *more : addInertias(sum, *more, shaft + "/inertia");
     return made;
   }
 
   /// Values at the start of a part's own shafts; those of connected ones are the scene's.
   void noteInitial(const std::string& name, const Part& part) {
     const std::vector<std::string> its = namesAt(part.scene, "shafts", name);
-    const auto found = part.scene.asDictionary().find("initial");
+    const ParameterTree* const initial = part.scene.find("initial");
     for (const char* key : {"angle", "velocity", "acceleration"}) {
-      const ParameterTree* values = nullptr;
-      if (found != part.scene.asDictionary().end()) {
-        const auto at = found->second.asDictionary().find(key);
-        if (at != found->second.asDictionary().end()) values = &at->second;
-      }
+      const ParameterTree* const values = initial == nullptr ? nullptr : initial->find(key);
       if (values != nullptr && values->asList().size() != its.size()) {
         throw SceneError(name + "/initial/" + key, "expected a list of " +
                                                        std::to_string(its.size()) +

@@ -1,14 +1,11 @@
-#include "model/scene_symbols.h"
-
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <memory>
 #include <numeric>
 #include <utility>
 
+#include "model/scene_readers.h"
 #include "model/table_file.h"
-#include "variator_sim/component_context.h"
 #include "variator_sim/expression/parser.h"
 
 namespace variator_sim {
@@ -48,9 +45,9 @@ Table::Shape readShape(ParameterReader& reader, const char* preset) {
   if (reader.choice("beyond", {"constant", "linear"}, "constant") == "linear") {
     shape.beyond = Table::Beyond::kLinear;
     if (interpolation == "hold") {
-      throw SceneError(reader.keyPath("beyond"),
-                       "'linear' continues the slope at the ends, and a table that holds its "
-                       "values has none; allowed: constant, or interpolation linear or smooth");
+      throw reader.error("beyond",
+                         "'linear' continues the slope at the ends, and a table that holds its "
+                         "values has none; allowed: constant, or interpolation linear or smooth");
     }
   }
   return shape;
@@ -156,13 +153,13 @@ double calcCoarseness(const NamedTable& table) {
 
 /// Reads an input that is played from a file, a drive cycle, say.
 std::shared_ptr<const Table> readPlayed(ParameterReader& reader, const std::string& name) {
-  for (const char* key : {"file", "x", "values", "units"}) reader.allow(key);
+  reader.allow({"file", "x", "values", "units"});
   return readFileTable(reader, readShape(reader, "linear"), {{"x", "time"}, {"values", name}})
       .of_one;
 }
 
 NamedTable readTable(ParameterReader& reader, std::vector<std::string>* warnings) {
-  for (const char* key : {"file", "x", "y", "values", "units"}) reader.allow(key);
+  reader.allow({"file", "x", "y", "values", "units"});
   const Table::Shape shape = readShape(reader, "smooth");
   const bool has_two = reader.has("y");
   NamedTable table;

@@ -1,7 +1,6 @@
 #include "variator_sim/status.h"
 
 #include <cmath>
-#include <cstdio>
 #include <iterator>
 #include <string>
 #include <vector>
@@ -37,32 +36,24 @@ const char* modeName(int mode) {
 
 std::string describe(const EnergyDoubt& doubt) {
   if (!doubt.exists()) return "";
-  const DotLocale dot;
-  char share[80] = "while the applied torques brought and took none";
-  if (doubt.throughput > 0.0) {
-    std::snprintf(share, sizeof(share), "%.3g %% of what the applied torques brought and took",
-                  100.0 * std::abs(doubt.reactions) / doubt.throughput);
-  }
-  char text[512];
-  std::snprintf(
-      text, sizeof(text),
+  const std::string share = doubt.throughput > 0.0
+                                ? printed("%.3g %% of what the applied torques brought and took",
+                                          100.0 * std::abs(doubt.reactions) / doubt.throughput)
+                                : "while the applied torques brought and took none";
+  return printed(
       "under the principle 'generalized_gauss' the reactions have %s %.3g J by t = %.6g s, %s "
       "(first more than 5 %% at t = %.6g s): while C turns they remember what they were, and feed "
       "or "
       "drain the machine; a lossless ratio without memory is 'principle: gauss' "
       "(doc/theory.md)",
-      doubt.reactions < 0.0 ? "taken" : "fed in", std::abs(doubt.reactions), doubt.time, share,
-      doubt.since);
-  return text;
+      doubt.reactions < 0.0 ? "taken" : "fed in", std::abs(doubt.reactions), doubt.time,
+      share.c_str(), doubt.since);
 }
 
 std::vector<std::string> describe(const ErrorDoubt& doubt) {
   std::vector<std::string> sentences;
-  const DotLocale dot;
-  char text[512];
   const auto add = [&](const char* format, double time, auto... more) {
-    std::snprintf(text, sizeof(text), format, time, more...);
-    sentences.emplace_back(text);
+    sentences.push_back(printed(format, time, more...));
   };
   if (doubt.stopped >= 0.0) {
     add("the motion that errors are estimated by stopped at t = %.6g s (%s): from there on they "

@@ -13,17 +13,6 @@ namespace {
 
 using Numbers = std::vector<double>;
 
-/// Reads the list at `key`: `size` numbers, or any number from two on when `size` is 0.
-Numbers readColumn(ParameterReader& reader, const Table::Column& column, std::size_t size) {
-  const ParameterTree* list = reader.raw(column.key);
-  if (list != nullptr && list->kind() == ParameterTree::Kind::kList && size == 0) {
-    size = std::max<std::size_t>(2, list->asList().size());
-  }
-  Numbers read = reader.numbers(column.key, std::max<std::size_t>(2, size), column.range);
-  for (double& number : read) number = column.unit.toSi(number);
-  return read;
-}
-
 /// Slopes s and second derivatives q at the points, as the header states them.
 struct Derivatives {
   Numbers s;
@@ -77,6 +66,14 @@ Derivatives calcDerivatives(const Numbers& x, const Numbers& y, Table::Beyond be
 
 }  // namespace
 
+Numbers readColumn(ParameterReader& reader, const Table::Column& column, std::size_t size) {
+  const ParameterTree* const list = reader.raw(column.key);
+  if (list != nullptr && size == 0) size = list->asList().size();
+  Numbers read = reader.numbers(column.key, std::max<std::size_t>(2, size), column.range);
+  for (double& number : read) number = column.unit.toSi(number);
+  return read;
+}
+
 void checkIncreasing(const Numbers& x, const char* column, const Table::Points::Fault& fault) {
   for (std::size_t k = 1; k < x.size(); ++k) {
     if (x[k] > x[k - 1]) continue;
@@ -96,7 +93,7 @@ Table Table::read(ParameterReader& reader, const Column& x, const Column& y, con
   reader.allow(x.key);
   reader.allow(y.key);
   Points points;
-  points.x = readColumn(reader, x, 0);
+  points.x = readColumn(reader, x);
   points.values = readColumn(reader, y, points.x.size());
   points.fault = [&](const char* column, std::size_t index, const std::string& message) {
     const char* const key = column[0] == 'x' ? x.key : y.key;

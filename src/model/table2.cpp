@@ -125,15 +125,6 @@ Interval enclosePatch(const Patch& patch, const Interval& t, const Interval& u, 
   return {value - spread, value + spread};
 }
 
-Numbers readAxis(ParameterReader& reader, const char* key) {
-  const ParameterTree* list = reader.raw(key);
-  std::size_t size = 2;
-  if (list != nullptr && list->kind() == ParameterTree::Kind::kList) {
-    size = std::max(size, list->asList().size());
-  }
-  return reader.numbers(key, size);
-}
-
 void checkAxis(const Numbers& x, const char* column, const Table::Points::Fault& fault) {
   checkIncreasing(x, column, fault);
   for (std::size_t k = 1; k < x.size(); ++k) {
@@ -189,13 +180,11 @@ struct Table2::Surface {
 };
 
 Table2 Table2::read(ParameterReader& reader, const Keys& keys, const Table::Shape& shape) {
-  for (const char* key : {keys.x, keys.y, keys.values}) reader.allow(key);
+  reader.allow({keys.x, keys.y, keys.values});
   Table::Points points;
-  points.x = readAxis(reader, keys.x);
-  points.y = readAxis(reader, keys.y);
+  points.x = readColumn(reader, {keys.x, Range::any(), keys.units[0]});
+  points.y = readColumn(reader, {keys.y, Range::any(), keys.units[1]});
   points.values = readRows(reader, keys, points.x.size(), points.y.size());
-  for (double& x : points.x) x = keys.units[0].toSi(x);
-  for (double& y : points.y) y = keys.units[1].toSi(y);
   for (double& z : points.values) z = keys.units[2].toSi(z);
   points.fault = [&](const char* column, std::size_t index, const std::string& message) {
     const char* const key = column[0] == 'x' ? keys.x : keys.y;

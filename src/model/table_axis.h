@@ -59,6 +59,10 @@ class TableAxis {
   bool is_flat_beyond_ = true;
 };
 
+/// Reads the list at `key` in SI units: `size` numbers, or any number from two on when it is 0.
+std::vector<double> readColumn(ParameterReader& reader, const Table::Column& column,
+                               std::size_t size = 0);
+
 /// Throws SceneError unless the numbers of `column` are in strictly increasing order.
 void checkIncreasing(const std::vector<double>& x, const char* column,
                      const Table::Points::Fault& fault);

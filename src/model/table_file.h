@@ -10,6 +10,11 @@
 
 namespace variator_sim {
 
+/// Returns the path of a file: `name` itself, or of package://PACKAGE/PATH the file of a package,
+/// found by the name in its package.xml as rospack does: in the folders of ROS_PACKAGE_PATH and
+/// below, then in source and install spaces of CMAKE_PREFIX_PATH. Throws SceneError at `key`.
+std::string filePathOf(const std::string& name, const std::string& key);
+
 /// Some columns of a CSV file, by their names in its first line. Fields stand between commas,
 /// semicolons or tabs, whichever the first line has, names and numbers bare or in double quotes.
 /// Blank lines and lines that begin with # are skipped. Errors tell file:line:column.

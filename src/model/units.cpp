@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "variator_sim/errors.h"
 #include "variator_sim/nearest_name.h"
 
 namespace variator_sim {

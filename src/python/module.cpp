@@ -12,7 +12,7 @@
 #include <tuple>
 #include <vector>
 
-#include "model/ros_packages.h"
+#include "model/table_file.h"
 #include "python/analysis.h"
 #include "python/fast_calls.h"
 #include "python/python_simulation.h"

@@ -6,8 +6,6 @@
 #include <string>
 #include <utility>
 
-#include "model/tree_bounds.h"
-#include "variator_sim/errors.h"
 #include "variator_sim/parameter_tree.h"
 
 namespace variator_sim::python {
@@ -92,10 +90,7 @@ class TreeReader {
     ParameterTree::Dictionary dictionary;
     for (const auto& [key, item] : values) {
       const std::string name = toText(key, path);
-      std::string item_path = path;
-      if (!path.empty()) item_path += '/';
-      item_path += name;
-      dictionary.emplace(name, read(item, item_path, depth + 1));
+      dictionary.emplace(name, read(item, entryPath(path, name), depth + 1));
     }
     return ParameterTree::dictionary(std::move(dictionary));
   }

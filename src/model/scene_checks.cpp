@@ -1,21 +1,155 @@
-#include "model/derivative_check.h"
-
+// Checks of a scene that has been read.
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <functional>
 #include <limits>
-#include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "model/check_point.h"
-#include "variator_sim/errors.h"
+#include "model/scene_readers.h"
 #include "variator_sim/expression/tape.h"
+#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {
+
+// --- extreme numbers -----------------------------------------------------------------------------
+
+/// Largest number of values in one message.
+constexpr std::size_t kMostTold = 4;
+
+bool isExtreme(double value) {
+  constexpr double kFar = 1e16;
+  const double size = std::abs(value);
+  return size > kFar || (size > 0.0 && size < 1.0 / kFar);
+}
+
+void collect(const ParameterTree& tree, const std::string& path, std::vector<std::string>& found) {
+  if (found.size() == kMostTold) return;
+  const bool is_integer = tree.kind() == ParameterTree::Kind::kInteger;
+  if (isExtreme(is_integer ? static_cast<double>(tree.asInteger()) : tree.asReal())) {
+    found.push_back(shownPath(path) + " = " + tree.toText());
+  }
+  for (std::size_t n = 0; n < tree.asList().size(); ++n) {
+    collect(tree.asList()[n], elementPath(path, n), found);
+  }
+  for (const auto& [key, value] : tree.asDictionary()) {
+    collect(value, entryPath(path, key), found);
+  }
+}
+
+// --- states to check laws at ---------------------------------------------------------------------
+
+/// One state that owns its arrays.
+struct CheckPoint {
+  double time = 0.0;
+  std::array<double, kMaxShafts> angle{};
+  std::array<double, kMaxShafts> velocity{};
+  std::array<double, kMaxShafts> acceleration{};
+  std::array<double, kMaxInputs + kMaxHolds> input{};  ///< and sides of elements that hold
+  std::array<double, kMaxInputs + kMaxHolds> input_rate{};
+  std::array<double, kMaxInputs + kMaxHolds> input_second_rate{};
+
+  StateView view() const {
+    return {time,         angle.data(),      velocity.data(),         acceleration.data(),
+            input.data(), input_rate.data(), input_second_rate.data()};
+  }
+};
+
+/// A source of numbers uniform in [-1, 1], the same on every run and machine.
+class Random {
+ public:
+  double operator()() {
+    state_ = state_ * 6364136223846793005ULL + 1442695040888963407ULL;
+    return static_cast<double>(state_ >> 11U) * 0x1p-52 - 1.0;
+  }
+
+ private:
+  std::uint64_t state_ = 20240229;
+};
+
+double shaken(double value, double by, Random& random) {
+  return value + by * std::max(1.0, std::abs(value)) * random();
+}
+
+/// Scales time and angles by one factor, velocities and accelerations by another.
+CheckPoint scaled(const CheckPoint& point, double of_place, double of_motion) {
+  CheckPoint to = point;
+  to.time *= of_place;
+  for (double& value : to.angle) value *= of_place;
+  for (double& value : to.velocity) value *= of_motion;
+  for (double& value : to.acceleration) value *= of_motion;
+  return to;
+}
+
+/// Returns `point` with every part moved by up to `by`, relative to its size and at least 1.
+CheckPoint shaken(const Scene& scene, const CheckPoint& point, double by, Random& random) {
+  CheckPoint p = point;
+  p.time = std::abs(shaken(p.time, by, random));
+  for (std::size_t i = 0; i < scene.shafts.size(); ++i) {
+    p.angle[i] = shaken(p.angle[i], by, random);
+    p.velocity[i] = shaken(p.velocity[i], by, random);
+    p.acceleration[i] = shaken(p.acceleration[i], by, random);
+  }
+  for (std::size_t i = 0; i < scene.inputs.size(); ++i) {
+    const CommandInputSettings& settings = scene.inputs[i];
+    p.input[i] = std::clamp(shaken(p.input[i], by, random), settings.minimum, settings.maximum);
+    p.input_rate[i] = shaken(p.input_rate[i], by, random);
+    if (settings.hold == Hold::kSecondOrderLag) {
+      p.input_second_rate[i] = shaken(p.input_second_rate[i], by, random);
+    }
+  }
+  return p;
+}
+
+/// Returns the scene's initial state.
+CheckPoint startOf(const Scene& scene) {
+  CheckPoint p;
+  std::copy(scene.initial.angle.begin(), scene.initial.angle.end(), p.angle.begin());
+  std::copy(scene.initial.velocity.begin(), scene.initial.velocity.end(), p.velocity.begin());
+  std::copy(scene.initial.acceleration.begin(), scene.initial.acceleration.end(),
+            p.acceleration.begin());
+  for (std::size_t i = 0; i < scene.inputs.size(); ++i) p.input[i] = scene.inputs[i].initial;
+  std::fill(p.input.begin() + kMaxInputs, p.input.end(), 1.0);
+  return p;
+}
+
+// --- power of reactions --------------------------------------------------------------------------
+
+/// Tells whether the reactions of a constraint of order 1 have power under `gauss`: R = C^T lambda
+/// has lambda C omega. For f homogeneous in omega of degree d this is lambda d f = 0 (Euler); else
+/// C omega / f differs from state to state. A constraint that is not zero at rest imposes a motion
+/// and is meant to have power.
+bool takesEnergy(const Constraint& constraint, const Scene& scene) {
+  constexpr double kRounding = 1e-9;
+  Random random;
+  double degree = std::numeric_limits<double>::quiet_NaN();
+  for (int n = 0; n < 16; ++n) {
+    const double speed = std::pow(10.0, n / 4);
+    const CheckPoint point = scaled(shaken(scene, startOf(scene), 1.0, random), 1.0, speed);
+    const double at_rest = constraint.calcResidual(scaled(point, 1.0, 0.0).view());
+    const double f = constraint.calcResidual(point.view());
+    ConstraintPartials partials;
+    constraint.calcPartials(point.view(), partials);
+    double power = 0.0;
+    double size = 0.0;
+    for (int i = 0; i < scene.shaftCount(); ++i) {
+      const double part = partials.velocity[i] * point.velocity[static_cast<std::size_t>(i)];
+      power += part;
+      size += std::abs(part);
+    }
+    if (!std::isfinite(f) || !std::isfinite(size) || !std::isfinite(at_rest)) continue;
+    if (std::abs(at_rest) > kRounding * size) return false;
+    if (std::abs(f) < 1e-3 * size) continue;  // lost in rounding
+    if (std::isnan(degree)) degree = power / f;
+    if (std::abs(power / f - degree) > kRounding * (1.0 + size / std::abs(f))) return true;
+  }
+  return false;
+}
+
+// --- opaque functions ----------------------------------------------------------------------------
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
@@ -175,6 +309,33 @@ void verify(const Scene& scene, const Call& call, const std::string& name, const
 }
 
 }  // namespace
+
+std::string describeExtremeNumbers(const ParameterTree& scene) {
+  if (scene.kind() != ParameterTree::Kind::kDictionary) return "";
+  std::vector<std::string> found;
+  for (const auto& [key, value] : scene.asDictionary()) {
+    // Numbers at the root belong to the node.
+    const bool holds = value.kind() == ParameterTree::Kind::kDictionary ||
+                       value.kind() == ParameterTree::Kind::kList;
+    if (holds) collect(value, key, found);
+  }
+  std::string text;
+  for (const std::string& number : found) {
+    text += (text.empty() ? "; numbers that may be to blame: " : ", ") + number;
+  }
+  return text;
+}
+
+void warnOfEnergy(const Constraint& constraint, Scene* scene) {
+  if (scene->principle != Principle::kGauss || constraint.order() != 1) return;
+  if (!constraint.direction().empty() || !takesEnergy(constraint, *scene)) return;
+  scene->warnings.push_back(
+      "under the principle 'gauss' the reactions of the constraint " + inQuotes(constraint.name()) +
+      " take or give energy (--energy shows how much): it is not proportional to the speeds, so "
+      "C = df/dw is not in their ratio; for a ratio that follows a speed and loses nothing take "
+      "variator_sim/KinematicRatio, whose 'reaction' is 'lossless' by default "
+      "(doc/scene.md)");
+}
 
 void verifyDerivatives(const Scene& scene) {
   const auto check = [&scene](const Law& law, const char* kind) {
