@@ -10,10 +10,28 @@
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/guard.h"
 #include "variator_sim/law_context.h"
-#include "variator_sim/named_outputs.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {
+
+/// The outputs that a law names (LawContext::output), computed for samples only, and only on
+/// request.
+class NamedOutputs {
+ public:
+  NamedOutputs() = default;
+  explicit NamedOutputs(const LawContext& law);
+
+  const std::vector<std::string>& names() const { return names_; }
+  /// Returns one node of the scene's graph for each name.
+  const std::vector<expression::Node>& nodes() const { return nodes_; }
+  /// Writes one value for each name. [loop]
+  void evaluate(const StateView& state, double* values) const { tape_.evaluate(state, values); }
+
+ private:
+  std::vector<std::string> names_;
+  std::vector<expression::Node> nodes_;
+  expression::Tape tape_;
+};
 
 /// An element of a scene that states its law as formulas, or by an OpaqueFunction.
 ///
@@ -28,15 +46,12 @@ class Law {
 
   /// Builds the law. Called once, before any evaluation. Throws SceneError.
   void configure(ComponentContext& context);
-  /// Returns the element's name in the scene.
   const std::string& name() const { return name_; }
-  /// Returns the number of shafts s of the scene.
   int shaftCount() const { return shaft_count_; }
 
   expression::Graph& graph() const { return *graph_; }
   /// Returns the formulas that the law states: Q of each shaft; f, psi, or C eta + c0.
   const std::vector<expression::Node>& formulas() const { return formulas_; }
-  /// True when the law calls an OpaqueFunction.
   bool callsOpaqueFunction() const { return graph_->hasOpaque(formulas_); }
   /// Returns the ways in which the element holds; most have none.
   const std::vector<Holding>& holdings() const { return holdings_; }

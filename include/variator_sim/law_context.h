@@ -114,7 +114,6 @@ class LawContext {
   Expression time();
   /// Returns `f` at its arguments: a function that states its values and first derivatives in C++.
   Expression function(std::shared_ptr<const OpaqueFunction> f, std::vector<Expression> arguments);
-  /// Returns `table` at x.
   Expression lookUp(const Table& table, const Expression& x);
   /// Rises from 0 at `begin` to 1 at `end`, two times continuously differentiable: with
   /// z = (x - begin)/(end - begin) it is 10 z^3 - 15 z^4 + 6 z^5 between them.
@@ -162,8 +161,6 @@ class LawContext {
   const std::vector<Holding>& holdings() const { return holdings_; }
 
  private:
-  Expression variable(int slot);
-
   ComponentContext& context_;
   std::string place_;
   Expression psi_;

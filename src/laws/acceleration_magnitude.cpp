@@ -5,8 +5,6 @@
 // on the circle it begins.
 //
 // Keys: `shafts` [a, b], `magnitude` a > 0 (rad/s^2).
-#include <vector>
-
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

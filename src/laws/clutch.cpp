@@ -11,7 +11,7 @@
 //
 // Source: Otter, Elmqvist, Mattsson: Hybrid modeling in Modelica based on the synchronous data flow
 // principle, CACSD 1999; the limits and what follows behind them are those of Coulomb's law alone.
-#include "laws/slip.h"
+#include "laws/gear_keys.h"
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

@@ -22,8 +22,8 @@ namespace {
 
 /// a sin(z phi + beta)
 Expression readToothPassing(LawContext& scene, const Expression& angle) {
-  ParameterReader section = scene.parameters().section("tooth_passing");
-  for (const char* key : {"teeth", "amplitude", "phase"}) section.allow(key);
+  ParameterReader section =
+      scene.parameters().section("tooth_passing", {"teeth", "amplitude", "phase"});
   const double teeth = section.integer("teeth", 1, 10000);
   const Expression amplitude = scene.quantity(section, "amplitude", Range::between(0.0, 1.0, "1"));
   double phase = section.number("phase", Range::any("rad"), 0.0);

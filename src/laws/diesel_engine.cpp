@@ -27,8 +27,8 @@ namespace {
 
 /// F = F_0 tanh(w/w_0) + F_1 w
 Expression readFriction(LawContext& scene, const Expression& w) {
-  ParameterReader section = scene.parameters().section("friction");
-  for (const char* key : {"constant", "linear", "regularization_speed"}) section.allow(key);
+  ParameterReader section =
+      scene.parameters().section("friction", {"constant", "linear", "regularization_speed"});
   const Expression F_0 = scene.quantity(section, "constant", Range::notNegative("N m"));
   const Expression F_1 = scene.quantity(section, "linear", Range::notNegative("N m s/rad"), 0.0);
   const Expression w_0 =
@@ -39,8 +39,7 @@ Expression readFriction(LawContext& scene, const Expression& w) {
 
 /// S = 1 - g
 Expression readGovernor(LawContext& scene, const Expression& w) {
-  ParameterReader section = scene.parameters().section("idle_governor");
-  for (const char* key : {"speed", "band"}) section.allow(key);
+  ParameterReader section = scene.parameters().section("idle_governor", {"speed", "band"});
   const double speed = section.number("speed", Range::positive("rad/s"));
   const double band = section.number("band", Range::positive("rad/s"));
   section.finish();

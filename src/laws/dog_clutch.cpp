@@ -5,7 +5,7 @@
 //
 // Keys: `shafts` [a, b], `ratio` i (default 1, not 0); `engaged`, above 0.5 or not; `engage_below`,
 // the largest slip at which it closes (rad/s).
-#include "laws/slip.h"
+#include "laws/gear_keys.h"
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

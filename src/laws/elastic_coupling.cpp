@@ -17,9 +17,7 @@
 //
 // Source: the Kelvin-Voigt link of torsional vibration; Dresig, Holzweissig: Dynamics of Machinery
 // (2010), chapter 4.
-#include <vector>
-
-#include "laws/ratio.h"
+#include "laws/gear_keys.h"
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

@@ -23,7 +23,7 @@ void EndStop::build(LawContext& scene) {
     const double angle = scene.number(key, Range::any("rad"));
     if (is_lower) lower = angle;
     if (!is_lower && has_lower && !(angle > lower)) {
-      throw SceneError(parameters.keyPath(key), "is not above 'lower'; allowed: a larger angle");
+      throw parameters.error(key, "is not above 'lower'; allowed: a larger angle");
     }
     Holding stop;
     stop.side = scene.side();

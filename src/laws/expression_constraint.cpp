@@ -30,8 +30,8 @@ void readReaction(LawContext& scene) {
   }
   section.finish();
   if (acts) return;
-  throw SceneError(scene.parameters().keyPath("reaction"),
-                   "acts on no shaft; allowed: {SHAFT: FORMULA, ..} with one that is not 0");
+  throw scene.parameters().error(
+      "reaction", "acts on no shaft; allowed: {SHAFT: FORMULA, ..} with one that is not 0");
 }
 
 }  // namespace

@@ -24,10 +24,10 @@ void ExpressionTorque::build(LawContext& scene) {
   }
   const Shaft other = scene.shaft("reaction_on");
   if (other.index == shaft.index) {
-    throw SceneError(parameters.keyPath("reaction_on"),
-                     inQuotes(parameters.text("reaction_on")) +
-                         " is the shaft that the torque acts on, too: the two cancel; allowed: "
-                         "another shaft");
+    throw parameters.error(
+        "reaction_on", inQuotes(parameters.text("reaction_on")) +
+                           " is the shaft that the torque acts on, too: the two cancel; allowed: "
+                           "another shaft");
   }
   scene.applyBetween(shaft, other, torque);
 }

@@ -17,10 +17,9 @@
 // compensation methods for the control of machines with friction, Automatica 30 (1994) 1083-1138.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <vector>
 
-#include "laws/ratio.h"
+#include "laws/gear_keys.h"
+#include "model/number_text.h"
 #include "variator_sim/laws.h"
 
 namespace variator_sim {
@@ -37,14 +36,11 @@ void checkPeak(LawContext& scene, double T_c, double T_s, double w_s, double w_0
   }
   if (peak >= T_c + 0.9 * (T_s - T_c)) return;
   const auto path = [&](const char* key) { return scene.parameters().keyPath(key); };
-  char text[512];
-  std::snprintf(text, sizeof text,
-                "%s: %g N m are never reached, the torque's peak is %.4g N m: the sign is smoothed "
-                "over %s, %g rad/s, and %s is only %g rad/s; '%s: %.1g' comes near",
-                path("static").c_str(), T_s, peak, path("regularization_speed").c_str(), w_0,
-                path("stribeck_speed").c_str(), w_s, path("regularization_speed").c_str(),
-                w_s / 30.0);
-  scene.component().warn(text);
+  scene.component().warn(printed(
+      "%s: %g N m are never reached, the torque's peak is %.4g N m: the sign is smoothed over %s, "
+      "%g rad/s, and %s is only %g rad/s; '%s: %.1g' comes near",
+      path("static").c_str(), T_s, peak, path("regularization_speed").c_str(), w_0,
+      path("stribeck_speed").c_str(), w_s, path("regularization_speed").c_str(), w_s / 30.0));
 }
 
 void holdByFriction(LawContext& scene, const Expression& w, const Expression& level,
@@ -91,8 +87,8 @@ void Friction::build(LawContext& scene) {
       level += (T_s - coulomb) * exp(-(x * x));
     }
   } else if (parameters.has("stribeck_speed")) {
-    throw SceneError(parameters.keyPath("stribeck_speed"),
-                     "belongs to 'static', which is missing; allowed: both or neither");
+    throw parameters.error("stribeck_speed",
+                           "belongs to 'static', which is missing; allowed: both or neither");
   }
   const Expression b = scene.quantity("viscous", Range::notNegative("N m s/rad"), 0.0);
   if (sticks && (!T_s.isConstant() || T_s.value() > 0.0)) {

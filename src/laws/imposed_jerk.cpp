@@ -21,17 +21,17 @@ void ImposedJerk::build(LawContext& scene) {
   if (!parameters.has("velocity_change")) {
     for (const char* key : {"duration", "start"}) {
       if (parameters.has(key)) {
-        throw SceneError(parameters.keyPath(key),
-                         "belongs to 'velocity_change', which is not given");
+        throw parameters.error(key, "belongs to 'velocity_change', which is not given");
       }
     }
     scene.constrain(shaft.jerk - scene.quantity("jerk", Range::any("rad/s^3")));
     return;
   }
   if (parameters.has("jerk")) {
-    throw SceneError(parameters.keyPath("jerk"),
-                     "and 'velocity_change' are two forms of this constraint; allowed: one of "
-                     "them");
+    throw parameters.error(
+        "jerk",
+        "and 'velocity_change' are two forms of this constraint; allowed: one of "
+        "them");
   }
   constexpr double kTwoPi = 6.283185307179586;
   const Expression change = scene.quantity("velocity_change", Range::any("rad/s"));

@@ -18,9 +18,6 @@
 // `second_order_lag`: f is differentiated twice, and so is i); `efficiency` {driving e_1, driven
 // e_2} in (0, 1], `bearing` {driving b_1, driven b_2} (N m), or one value for both; `reaction`
 // (lossless | gradient).
-#include <utility>
-#include <vector>
-
 #include "variator_sim/laws.h"
 
 namespace variator_sim {
@@ -50,11 +47,11 @@ void refuseSelfLocking(LawContext& scene, const Shaft& from, const Shaft& to,
   if (!efficiency.isConstant() || efficiency.value() > 0.0) return;
   const std::vector<std::string>& names = scene.component().shaftNames();
   const std::string driver = inQuotes(names[static_cast<std::size_t>(from.index)]);
-  throw SceneError(scene.parameters().keyPath("efficiency"),
-                   "is 0 where " + driver + " drives: a self-locking gear, torque on " + driver +
-                       " cannot turn " + inQuotes(names[static_cast<std::size_t>(to.index)]) +
-                       "; allowed: a number in (0, 1], with a 'bearing' torque that holds the "
-                       "loads that occur");
+  throw scene.parameters().error(
+      "efficiency", "is 0 where " + driver + " drives: a self-locking gear, torque on " + driver +
+                        " cannot turn " + inQuotes(names[static_cast<std::size_t>(to.index)]) +
+                        "; allowed: a number in (0, 1], with a 'bearing' torque that holds the "
+                        "loads that occur");
 }
 
 bool isAlways(const Both& both, double value) {

@@ -1,30 +1,109 @@
 #include "variator_sim/law_context.h"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <utility>
 
-#include "laws/quantity.h"
-#include "variator_sim/expression/tape.h"
-#include "variator_sim/named_outputs.h"
+#include "variator_sim/expression/guards.h"
+#include "variator_sim/expression/parser.h"
+#include "variator_sim/law.h"
 
 namespace variator_sim {
 
+using expression::Graph;
 using expression::Source;
 
-Expression LawContext::variable(int slot) {
-  expression::Graph& graph = *context_.graph();
-  return {graph, graph.variable(slot)};
+namespace {
+
+Expression variable(ComponentContext& context, Source source, int index = 0) {
+  Graph& graph = *context.graph();
+  return {graph, graph.variable(slotOf(source, index))};
 }
+
+Expression readCommanded(ComponentContext& context, ParameterReader& section, const Range& range) {
+  section.allow({"times", "values", "input", "topic"});
+  const CommandInputSettings settings = readCommandInput(section, context.name(), range);
+  section.finish();
+  try {
+    return variable(context, Source::kInput, context.addInput(settings));
+  } catch (const SceneError& error) {
+    // The context reports the topic as a key of the component itself.
+    throw section.error("topic", error.message());
+  }
+}
+
+Expression overTime(ComponentContext& context, const std::shared_ptr<const Table>& table) {
+  Graph& graph = *context.graph();
+  return {graph, graph.table(table, graph.variable(slotOf(Source::kTime)))};
+}
+
+/// Returns one of the scene's inputs, whose own limits have to stay within `range`.
+Expression readShared(ComponentContext& context, ParameterReader& section, const Range& range) {
+  const std::string path = section.keyPath("input");
+  const std::string name = section.text("input");
+  section.finish();
+  const auto played = context.symbols().played.find(name);
+  if (played != context.symbols().played.end()) return overTime(context, played->second);
+  const int index = context.useInput(name, path);
+  const CommandInputSettings& input = context.inputSettings(index);
+  for (const double value : {input.minimum, input.maximum, input.initial}) {
+    if (std::isinf(value) || range.contains(value)) continue;
+    throw SceneError(path, "the input " + inQuotes(name) + " may be " + formatReal(value) +
+                               " by its min, max and initial; allowed here: a number " +
+                               range.toText());
+  }
+  context.limitInput(index, range);
+  return variable(context, Source::kInput, index);
+}
+
+/// Reads a quantity of a law in one of its forms.
+Expression readQuantity(ComponentContext& context, ParameterReader& section, const std::string& key,
+                        const Range& range) {
+  using Kind = ParameterTree::Kind;
+  const std::string expected =
+      "a number (" + range.toText() +
+      "), a formula, a table over time {times: [...], values: [...]}, a commanded input "
+      "{topic: ...} or one of the scene's inputs {input: NAME}";
+  const ParameterTree& tree = section.require(key, expected);
+  const Kind kind = tree.kind();
+  if (kind == Kind::kInteger || kind == Kind::kReal) return section.number(key, range);
+  if (kind == Kind::kText) {
+    if (section.isNumber(key)) return section.number(key, range);
+    Graph& graph = *context.graph();
+    const Expression formula(
+        graph, readFormula(context, section, key, expression::FormulaKind::kQuantity, graph));
+    if (formula.isConstant() && !range.contains(formula.value())) {
+      throw section.error(key, inQuotes(tree.asText()) + " is " + formatReal(formula.value()) +
+                                   "; allowed: a number " + range.toText());
+    }
+    return formula;
+  }
+  if (kind != Kind::kDictionary) {
+    throw section.error(key, tree.toText() + " is no value; expected " + expected);
+  }
+  ParameterReader dictionary = section.section(key);
+  if (dictionary.has("times") || dictionary.has("values")) {
+    const Table table = Table::read(dictionary, {"times", Range::any("s")}, {"values", range},
+                                    Table::Beyond::kConstant);
+    dictionary.finish();
+    return overTime(context, std::make_shared<const Table>(table));
+  }
+  if (dictionary.has("input")) return readShared(context, dictionary, range);
+  return readCommanded(context, dictionary, range);
+}
+
+}  // namespace
 
 void LawContext::keys(std::initializer_list<const char*> keys) {
   for (const char* key : keys) parameters().allow(key);
 }
 
 Shaft LawContext::shaftAt(int index) {
-  return {index, variable(slotOf(Source::kAngle, index)),
-          variable(slotOf(Source::kVelocity, index)),
-          variable(slotOf(Source::kAcceleration, index)), variable(slotOf(Source::kJerk, index))};
+  return {index, variable(context_, Source::kAngle, index),
+          variable(context_, Source::kVelocity, index),
+          variable(context_, Source::kAcceleration, index),
+          variable(context_, Source::kJerk, index)};
 }
 
 Shaft LawContext::shaft(const std::string& key) {
@@ -45,11 +124,11 @@ Expression LawContext::quantity(ParameterReader& section, const std::string& key
 
 Expression LawContext::command(const Range& range) {
   const int input = context_.addInput(readCommandInput(parameters(), context_.name(), range));
-  return variable(slotOf(Source::kInput, input));
+  return variable(context_, Source::kInput, input);
 }
 
 bool LawContext::readsVelocities(const Expression& formula) const {
-  expression::Graph& graph = *context_.graph();
+  Graph& graph = *context_.graph();
   bool reads = false;
   for (int i = 0; i < context_.shaftCount(); ++i) {
     reads = reads || graph.dependsOn(formula.in(graph), slotOf(Source::kVelocity, i));
@@ -58,7 +137,7 @@ bool LawContext::readsVelocities(const Expression& formula) const {
 }
 
 Expression LawContext::time() {
-  return variable(slotOf(Source::kTime));
+  return variable(context_, Source::kTime);
 }
 
 Expression LawContext::function(std::shared_ptr<const OpaqueFunction> f,
@@ -69,7 +148,7 @@ Expression LawContext::function(std::shared_ptr<const OpaqueFunction> f,
                                  (count == 1 ? " argument" : " arguments") + ", not " +
                                  std::to_string(arguments.size()));
   }
-  expression::Graph& graph = *context_.graph();
+  Graph& graph = *context_.graph();
   expression::Node nodes[OpaqueFunction::kMostArguments];
   for (std::size_t i = 0; i < count; ++i) nodes[i] = arguments[i].in(graph);
   // The graph and its programs may outlive the component, so f keeps its library loaded.
@@ -83,7 +162,7 @@ Expression LawContext::function(std::shared_ptr<const OpaqueFunction> f,
 }
 
 Expression LawContext::lookUp(const Table& table, const Expression& x) {
-  expression::Graph& graph = *context_.graph();
+  Graph& graph = *context_.graph();
   return {graph, graph.table(std::make_shared<const Table>(table), x.in(graph))};
 }
 
@@ -92,8 +171,24 @@ Expression LawContext::smoothStep(const Expression& x, double begin, double end)
   return lookUp(Table::through({begin, end}, {0.0, 1.0}, Table::Beyond::kConstant), x);
 }
 
+void Law::configure(ComponentContext& context) {
+  name_ = context.name();
+  shaft_count_ = context.shaftCount();
+  graph_ = context.graph();
+  LawContext law(context);
+  build(law);
+  holdings_ = law.holdings();
+  derive(law, context);
+  outputs_ = NamedOutputs(law);
+}
+
+void Law::findEvents() {
+  guards_ = expression::findGuards(*graph_, formulas_);
+  instants_ = expression::findInstants(*graph_, formulas_);
+}
+
 NamedOutputs::NamedOutputs(const LawContext& law) {
-  expression::Graph& graph = *law.component().graph();
+  Graph& graph = *law.component().graph();
   for (const auto& [name, value] : law.outputs()) {
     names_.push_back(name);
     nodes_.push_back(value.in(graph));
@@ -107,11 +202,11 @@ Expression LawContext::side() {
     throw SceneError(place_, "is one element that holds too many; allowed: " +
                                  std::to_string(kMaxHolds) + " in one scene");
   }
-  return variable(slotOf(Source::kInput, kMaxInputs + number));
+  return variable(context_, Source::kInput, kMaxInputs + number);
 }
 
 void LawContext::hold(const Holding& holding) {
-  expression::Graph& graph = *context_.graph();
+  Graph& graph = *context_.graph();
   const expression::Node slip = holding.slip.in(graph);
   holdings_.push_back(holding);
   if (holding.losses) return;

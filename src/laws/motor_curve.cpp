@@ -25,8 +25,6 @@
 //   dc     `stall_torque` > 0 (N m), `no_load_speed` > 0 (rad/s), or
 //          `torque_constant` k > 0 (N m/A = V s/rad), `resistance` R > 0 (ohm), `voltage` U (V: a
 //          number or a commanded input)
-#include <string>
-
 #include "variator_sim/laws.h"
 
 namespace variator_sim {
@@ -35,7 +33,7 @@ namespace {
 double readDirection(ParameterReader& parameters) {
   const int direction = parameters.integer("direction", -1, 1, 1);
   if (direction == 0) {
-    throw SceneError(parameters.keyPath("direction"), "0 is no direction; allowed: 1, -1");
+    throw parameters.error("direction", "0 is no direction; allowed: 1, -1");
   }
   return direction;
 }
@@ -52,8 +50,7 @@ Expression readKloss(LawContext& scene, const Expression& w) {
 
 Expression readTable(LawContext& scene, const Expression& w) {
   scene.keys({"table", "command"});
-  ParameterReader section = scene.parameters().section("table");
-  for (const char* key : {"speed", "torque", "beyond"}) section.allow(key);
+  ParameterReader section = scene.parameters().section("table", {"speed", "torque", "beyond"});
   const bool levels = section.choice("beyond", {"constant", "linear"}, "constant") == "constant";
   const Table table =
       Table::read(section, {"speed", Range::any("rad/s")}, {"torque", Range::any("N m")},

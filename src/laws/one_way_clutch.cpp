@@ -7,7 +7,7 @@
 //
 // Keys: `shafts` [a, b] with `ratio` i (default 1, not 0), or `shaft`; `capacity` c >= 0, a drag (N
 // m, default 0), `static` p >= 1 (default 1), `initial` (auto | stuck | slipping).
-#include "laws/slip.h"
+#include "laws/gear_keys.h"
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

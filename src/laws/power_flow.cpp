@@ -13,8 +13,6 @@
 // Keys: `shafts` [a, b], `inertias` [J_a, J_b] > 0 (kg m^2), and either `power` P (W: a number, a
 // table over time, or commanded with any hold) or `efficiency` 0 < eta <= 1 with
 // `smoothing_power` p_0 > 0 (W).
-#include <vector>
-
 #include "variator_sim/laws.h"
 
 namespace variator_sim {
@@ -30,15 +28,14 @@ void PowerFlow::build(LawContext& scene) {
   scene.output("power_taken", taken);
   if (!parameters.has("efficiency")) {
     if (parameters.has("smoothing_power")) {
-      throw SceneError(parameters.keyPath("smoothing_power"),
-                       "belongs to 'efficiency', which is not given");
+      throw parameters.error("smoothing_power", "belongs to 'efficiency', which is not given");
     }
     scene.constrain(taken - given - scene.quantity("power", Range::any("W")));
     return;
   }
   if (parameters.has("power")) {
-    throw SceneError(parameters.keyPath("power"),
-                     "and 'efficiency' are two forms of this constraint; allowed: one of them");
+    throw parameters.error(
+        "power", "and 'efficiency' are two forms of this constraint; allowed: one of them");
   }
   const Expression eta = scene.quantity("efficiency", Range{0.0, 1.0, false, true, "1"});
   const Expression p_0 = scene.quantity("smoothing_power", Range::positive("W"));

@@ -25,8 +25,7 @@ namespace {
 
 /// K_Q1 V
 Expression readAdvance(LawContext& scene) {
-  ParameterReader section = scene.parameters().section("advance");
-  for (const char* key : {"speed", "slope"}) section.allow(key);
+  ParameterReader section = scene.parameters().section("advance", {"speed", "slope"});
   const Expression V = scene.quantity(section, "speed", Range::any("m/s"));
   const Expression K_Q1 = scene.quantity(section, "slope", Range::notNegative("1"));
   section.finish();

@@ -6,8 +6,6 @@
 //
 // Keys: `shafts` [a, b], `time_constant` tau > 0 (s), `ratio` i (a number, a table over time, or
 // commanded with any hold).
-#include <vector>
-
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

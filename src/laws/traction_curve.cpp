@@ -16,8 +16,6 @@
 // `sharpness` g > 0 (default 2), `load` L (N m, positive brakes: a number, a table over time, or
 // commanded; default 0), `load_square` k >= 0 (N m s^2/rad^2, default 0), `regularization_speed`
 // omega_r > 0 (rad/s, default 0.1).
-#include <vector>
-
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

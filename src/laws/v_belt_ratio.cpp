@@ -14,7 +14,6 @@
 // `width` w > 0 (default 0.5), and optionally `load` M (N m: a number, a table over time, or
 // commanded through `second_order_lag`) with `load_torque` M_0 > 0 (N m).
 #include <limits>
-#include <vector>
 
 #include "variator_sim/laws.h"
 
@@ -35,7 +34,7 @@ void VBeltRatio::build(LawContext& scene) {
     y -= scene.quantity("load", Range::any("N m")) /
          scene.quantity("load_torque", Range::positive("N m"));
   } else if (parameters.has("load_torque")) {
-    throw SceneError(parameters.keyPath("load_torque"), "belongs to 'load', which is not given");
+    throw parameters.error("load_torque", "belongs to 'load', which is not given");
   }
   const Expression i = i_1 + 0.5 * (i_2 - i_1) * (1.0 + tanh(y / width));
   scene.constrain(s[1].velocity - i * s[0].velocity);

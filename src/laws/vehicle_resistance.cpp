@@ -22,9 +22,7 @@
 //
 // Sources: W. J. Davis: The tractive resistance of electric locomotives and cars, General Electric
 // Review 29 (1926); Guzzella, Sciarretta: Vehicle Propulsion Systems (2013), section 2.1.
-#include <string>
-
-#include "laws/ratio.h"
+#include "laws/gear_keys.h"
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

@@ -1,9 +1,18 @@
-/// The slip of elements that hold.
+/// Keys that elements share which act through a gear, or hold.
 #pragma once
 
-#include "laws/ratio.h"
+#include "variator_sim/law_context.h"
 
 namespace variator_sim {
+
+/// Reads `ratio`, default 1, any number but 0. Throws SceneError.
+inline Expression readRatio(LawContext& scene) {
+  const Expression ratio = scene.quantity("ratio", Range::any("1"), 1.0);
+  if (ratio.isConstant() && ratio.value() == 0.0) {
+    throw scene.parameters().error("ratio", "0 is no ratio; allowed: any number but 0");
+  }
+  return ratio;
+}
 
 /// Reads `shafts` [a, b] and `ratio` i (default 1): i omega_b - omega_a; or `shaft`: omega.
 inline Expression readSlip(LawContext& scene) {
