@@ -28,8 +28,8 @@ std::vector<HoldFormulas> collectHolds(const Scene& scene) {
   std::vector<HoldFormulas> holds;
   for (const TorquePtr& element : scene.torques) {
     for (const Holding& it : element->holdings()) {
-      holds.push_back({element->name() + (it.part.empty() ? "" : "/" + it.part), it.slip.in(graph),
-                       it.side.in(graph), nodeOf(it.upper), nodeOf(it.lower), nodeOf(it.level)});
+      holds.push_back({element->nameOf(it), it.slip.in(graph), it.side.in(graph), nodeOf(it.upper),
+                       nodeOf(it.lower), nodeOf(it.level)});
     }
   }
   return holds;
@@ -139,7 +139,7 @@ void MotionEquations::addConstraint(const Constraint& constraint) {
   if (constraint.order() == 3) {
     formulas.jerk = constraint.row().back();
     for (int i = 0; i < layout_.S; ++i) {
-      const Node C = formulas.C[static_cast<std::size_t>(i)];
+      const Node C = formulas.C[at(i)];
       formulas.jerk = graph_.add(formulas.jerk, graph_.multiply(C, variable(layout_.jerk(i))));
     }
   } else {
@@ -185,11 +185,9 @@ Node MotionEquations::reactionRate(int i) {
 Node MotionEquations::connection(int i) {
   if (!scene_.inertia_formulas.empty()) {
     const GeneralInertia J(graph_, scene_);
-    Node sum = graph_.constant(0.0);
-    for (int j = 0; j < layout_.S; ++j) {
-      sum = graph_.add(sum, graph_.multiply(J.connection(i, j), variable(layout_.auxiliary(j))));
-    }
-    return sum;
+    return sum(layout_.S, [&](int j) {
+      return graph_.multiply(J.connection(i, j), variable(layout_.auxiliary(j)));
+    });
   }
   const Node slope = graph_.differentiate(inertia(i, i), layout_.slot(layout_.angle(i)));
   const Node half = graph_.multiply(graph_.constant(0.5), slope);
@@ -207,27 +205,21 @@ Node MotionEquations::balanceOfRates(int i) {
     return hasConstantInertia() ? rest : graph_.subtract(rest, connection(i));
   }
   for (int m = 0; m < layout_.k; ++m) {
-    const Node turn = constraints_[static_cast<std::size_t>(m)].C_rate[static_cast<std::size_t>(i)];
+    const Node turn = constraints_[at(m)].C_rate[at(i)];
     rest = graph_.subtract(rest, graph_.multiply(variable(layout_.multiplier(m)), turn));
   }
   return rest;
 }
 
 Node MotionEquations::auxiliaryTorque(int i) {
-  Node sum = graph_.constant(0.0);
-  for (int j = 0; j < layout_.S; ++j) {
-    sum = graph_.add(sum, graph_.multiply(inertia(i, j), variable(layout_.auxiliary(j))));
-  }
-  return sum;
+  return sum(layout_.S,
+             [&](int j) { return graph_.multiply(inertia(i, j), variable(layout_.auxiliary(j))); });
 }
 
 Node MotionEquations::combine(int i, int first) {
-  Node sum = graph_.constant(0.0);
-  for (int m = 0; m < layout_.k; ++m) {
-    const Node C = constraints_[static_cast<std::size_t>(m)].C[static_cast<std::size_t>(i)];
-    sum = graph_.add(sum, graph_.multiply(C, variable(first + m)));
-  }
-  return sum;
+  return sum(layout_.k, [&](int m) {
+    return graph_.multiply(constraints_[at(m)].C[at(i)], variable(first + m));
+  });
 }
 
 DifferentiatedFormulas::DifferentiatedFormulas(MotionEquations& equations,

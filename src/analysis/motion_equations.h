@@ -102,6 +102,13 @@ class MotionEquations {
   expression::Node auxiliaryTorque(int i);
   /// Returns sum_m C_mi times the variable `first + m`.
   expression::Node combine(int i, int first);
+  /// Returns term(0) + .. + term(count - 1).
+  template <class Term>
+  expression::Node sum(int count, const Term& term) {
+    expression::Node all = graph_.constant(0.0);
+    for (int n = 0; n < count; ++n) all = graph_.add(all, term(n));
+    return all;
+  }
   const std::vector<ConstraintFormulas>& constraints() const { return constraints_; }
   const std::vector<HoldFormulas>& holds() const { return holds_; }
   /// Returns the total derivative by time along the motion.

@@ -1,6 +1,6 @@
 #include "analysis/principle_check.h"
 
-#include <cmath>
+#include <Eigen/Cholesky>
 #include <tuple>
 
 #include "analysis/decompositions.h"
@@ -16,23 +16,13 @@ namespace {
 
 /// Returns L of J = L L^T, which has to be positive definite.
 MatrixXd factor(const MatrixXd& J) {
-  MatrixXd L = MatrixXd::Zero(J.rows(), J.cols());
-  for (int i = 0; i < J.rows(); ++i) {
-    for (int j = 0; j <= i; ++j) {
-      const double rest = J(i, j) - L.row(i).head(j).dot(L.row(j).head(j));
-      L(i, j) = i == j ? std::sqrt(rest) : rest / L(j, j);
-    }
-  }
-  return L;
+  return J.llt().matrixL();
 }
 
-/// Returns L^-1 M.
-MatrixXd solveLower(const MatrixXd& L, MatrixXd M) {
-  for (int i = 0; i < L.rows(); ++i) {
-    for (int j = 0; j < i; ++j) M.row(i) -= L(i, j) * M.row(j);
-    M.row(i) /= L(i, i);
-  }
-  return M;
+/// Returns L^-1 M; also when L has no rows, by which Eigen's solution divides.
+MatrixXd solveLower(const MatrixXd& L, const MatrixXd& M) {
+  if (M.size() == 0) return M;
+  return L.triangularView<Eigen::Lower>().solve(M);
 }
 
 VectorXd solve(const MatrixXd& M, const VectorXd& right) {
