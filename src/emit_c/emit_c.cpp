@@ -1,29 +1,161 @@
 #include "emit_c/emit_c.h"
 
+#include <algorithm>
+#include <array>
 #include <cctype>
+#include <cstdint>
 #include <filesystem>
 #include <set>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
-#include "emit_c/readme.h"
 #include "expression/series_text.h"
+#include "io/text_file.h"
+#include "io/whole_file.h"
+#include "model/number_text.h"
 #include "motion_program/c_text.h"
 #include "motion_program/motion_program.h"
 #include "variator_sim/errors.h"
 
 namespace variator_sim {
-
 namespace {
 
-std::string asIdentifier(const std::string& text) {
-  std::string name;
-  for (const char c : text) {
-    const bool is_plain =
-        std::isalnum(static_cast<unsigned char>(c)) != 0 && static_cast<unsigned char>(c) < 128;
-    name += is_plain ? c : '_';
+namespace fs = std::filesystem;
+
+std::string numberOf(double value) {
+  return formatReal(value);
+}
+
+std::string holdOf(const CommandInputSettings& input) {
+  std::string text = toString(input.hold);
+  switch (input.hold) {
+    case Hold::kZeroOrder:
+      break;
+    case Hold::kFirstOrderLag:
+    case Hold::kSecondOrderLag:
+      text += ", " + numberOf(input.time_constant) + " s";
+      break;
+    case Hold::kRateLimit:
+      text += ", " + numberOf(input.rate) + " per s";
+      break;
+    case Hold::kFirstOrderHold:
+      text += ", " + numberOf(input.period) + " s";
+      break;
   }
-  return name;
+  if (input.timeout > 0.0) {
+    text += std::string("; ") + (input.on_timeout == OnTimeout::kZero ? "0" : "held") + " after " +
+            numberOf(input.timeout) + " s without a command";
+  }
+  return text;
+}
+
+std::string tablesOf(const Scene& scene) {
+  std::string text = "| index | shaft |\n|---|---|\n";
+  int index = 0;
+  for (const std::string& shaft : scene.shafts) {
+    text += "| " + std::to_string(index++) + " | " + shaft + " |\n";
+  }
+  index = 0;
+  const auto takes_commands = [](const auto& it) { return it.kind == InputKind::kCommanded; };
+  if (std::any_of(scene.inputs.begin(), scene.inputs.end(), takes_commands)) {
+    text += "\n| input | topic | first value | clamped to | hold |\n|---|---|---|---|---|\n";
+  }
+  for (const CommandInputSettings& input : scene.inputs) {
+    const int own = index++;
+    if (!takes_commands(input)) continue;
+    text += "| " + std::to_string(own) + " | " + input.topic + " | " + numberOf(input.initial) +
+            " | " + numberOf(input.minimum) + " .. " + numberOf(input.maximum) + " | " +
+            holdOf(input) + " |\n";
+  }
+  index = 0;
+  if (!scene.constraints.empty()) text += "\n| constraint | name | order |\n|---|---|---|\n";
+  for (const ConstraintPtr& constraint : scene.constraints) {
+    text += "| " + std::to_string(index++) + " | " + constraint->name() + " | " +
+            std::to_string(constraint->order()) + " |\n";
+  }
+  return text;
+}
+
+const char* const kUse = R"md(
+Freestanding C99 of one drivetrain: `scene_@.c` and `scene_@.h` need the library of mathematics and
+nothing else. Nothing is allocated, and all memory is the `scene_model` that you give.
+
+## Try it
+
+    make
+    ./scene_play --duration 10 --rate 100 --output motion.csv
+    ./scene_play --duration 10 --commands commands.csv
+    ./scene_play --duration 10 --events events.csv   # changes of modes, and the scene's events
+
+`commands.csv` has the header `time,topic,value`. The columns are those of `simulate`. The exit status
+is 0, 1 when the motion stopped (the reason is on standard error), 2 for bad usage.
+
+## In a controller
+
+    #include "scene_@.h"
+
+    static scene_model model;           /* some kB: not on a small stack */
+    scene_sample sample;
+
+    scene_init(&model);
+    for (;;) {
+      scene_command(&model, 0, demand); /* an input's index; acts from the present on */
+      if (scene_step(&model, 0.001) != SCENE_OK) {
+        /* stopped, at the last good state: scene_status_text tells why; scene_init begins anew */
+      }
+      scene_read(&model, &sample);      /* angle, velocity, acceleration, torques, .. */
+    }
+
+`model.now` is the whole state: a copy of it, written back, is a way to go on from there.
+)md";
+
+const char* const kLimits = R"md(
+## What it does
+
+At each step the motion is expanded into power series of the order `SCENE_ORDER` that the scene's tolerances
+ask for (relative @RELATIVE@, absolute @ABSOLUTE@). A call makes as many parts of a step as the last
+coefficients ask for, and ends one where a formula changes its branch (abs, min, max, sign, if, points
+of tables). A command that jumps moves the accelerations by the jump map of `simulate`.
+
+## What it does not do
+
+- It has one method. `solver/stepper` and `solver/step` of the scene are not read: a stiff motion costs
+  many parts of a step, and `SCENE_TOO_MANY_STEPS` stops it at SCENE_MOST_STEPS of them in one call.
+- Where a formula has no power series (sqrt(x) at x = 0) or no value it stops: `SCENE_NOT_FINITE`.
+- It stops for `SCENE_CHATTERING` where a formula jumps and the motion turns back at once (dry friction
+  by `sign` at rest; an element that holds does not), as `simulate` does.
+- Commands at time 0 find the first accelerations anew by Newton's iteration from those of the scene.
+  Where a constraint is not linear in the accelerations that is the stationary reaction nearby;
+  `simulate` looks for the least of all.
+- Commands that are clamped are not counted. Outputs of elements, energies and `outputs` of the scene
+  are not emitted. States and variables are in `scene_sample`.
+)md";
+
+struct EmittedFile {
+  std::string name;
+  std::string text;
+  const char* begin_comment;
+  const char* end_comment;
+};
+
+/// Returns `text` with a last line that identifies files written by simulate.
+std::string withSum(const EmittedFile& file, const std::string& text) {
+  return text + file.begin_comment + "Written by simulate --emit-c, sum " + checksumOf(text) +
+         file.end_comment + "\n";
+}
+
+/// Returns true if `path` is free, or holds an unchanged file written by simulate.
+bool mayReplace(const fs::path& path, const EmittedFile& file) {
+  const fs::file_type type = fs::symlink_status(path).type();
+  if (type == fs::file_type::not_found) return true;
+  std::string text;
+  constexpr std::size_t kLongest = 1U << 28U;
+  if (type != fs::file_type::regular || !readTextFile(path.string(), &text, kLongest).empty()) {
+    return false;
+  }
+  const std::size_t last_line = text.size() < 2 ? 0 : text.rfind('\n', text.size() - 2) + 1;
+  return text == withSum(file, text.substr(0, last_line));
 }
 
 /// Writes NAME_<kind>_<name> for each, without duplicates.
@@ -31,7 +163,7 @@ std::string writeEnum(const std::string& prefix, const std::vector<std::string>&
   std::set<std::string> taken;
   std::string text;
   for (std::size_t i = 0; i < names.size(); ++i) {
-    std::string name = prefix + inCapitals(asIdentifier(names[i]));
+    std::string name = prefix + inCapitals(toIdentifier(names[i]));
     while (!taken.insert(name).second) name += "_" + std::to_string(i);
     text += std::string(text.empty() ? "" : ", ") + name + " = " + std::to_string(i);
   }
@@ -144,8 +276,55 @@ class Emission {
 
 }  // namespace
 
+std::string checksumOf(const std::string& text) {
+  std::uint64_t hash = 14695981039346656037ULL;  // FNV-1a
+  for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
+  return printed("%016llx", static_cast<unsigned long long>(hash));
+}
+
+std::string writeReadme(const Scene& scene, const std::string& name, const std::string& title) {
+  // (Names from the scene are not replaced: one may contain the placeholder of the scene's name.)
+  const auto complete = [&](std::string text) {
+    replaceAll(text, "scene_@", name);
+    replaceAll(text, "@RELATIVE@", numberOf(scene.solver.relative_tolerance));
+    replaceAll(text, "@ABSOLUTE@", numberOf(scene.solver.absolute_tolerance));
+    return withName(text, name);
+  };
+  return "# " + name + "\n\nWritten by `simulate --emit-c` from " + title + ".\n" + complete(kUse) +
+         "\n" + tablesOf(scene) + complete(kLimits);
+}
+
+std::string writeMakefile(const std::string& name) {
+  return "CFLAGS = -std=c99 -O2 -Wall -Wextra\n\n" + name + "_play: main.c " + name + ".c " + name +
+         ".h\n\t$(CC) $(CFLAGS) -o $@ main.c " + name + ".c -lm\n\nclean:\n\trm -f " + name +
+         "_play\n\n.PHONY: clean\n";
+}
+
+void writeEmittedScene(const EmittedScene& scene, const std::string& directory) {
+  const std::array<EmittedFile, 5> files{{{scene.name + ".h", scene.header, "/* ", " */"},
+                                          {scene.name + ".c", scene.source, "/* ", " */"},
+                                          {"main.c", scene.main, "/* ", " */"},
+                                          {"README.md", scene.readme, "<!-- ", " -->"},
+                                          {"Makefile", scene.makefile, "# ", ""}}};
+  const fs::path folder = directory;
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw std::runtime_error(directory + ": " + error.message());
+  for (const EmittedFile& file : files) {
+    if (mayReplace(folder / file.name, file)) continue;
+    throw std::runtime_error((folder / file.name).string() +
+                             ": is there and is not, or no longer, what simulate --emit-c wrote; "
+                             "nothing was written. Allowed: a folder without it (--emit-c FOLDER)");
+  }
+  for (const EmittedFile& file : files) {
+    const std::string path = (folder / file.name).string();
+    const std::string reason = writeWholeFile(path, withSum(file, file.text));
+    if (!reason.empty()) throw std::runtime_error(path + ": " + reason);
+  }
+}
+
 std::string nameForC(const std::string& scene_path) {
-  std::string name = asIdentifier(std::filesystem::path(scene_path).stem().string());
+  std::string name = toIdentifier(std::filesystem::path(scene_path).stem().string());
   const bool is_plain = !name.empty() && std::isalpha(static_cast<unsigned char>(name[0])) != 0;
   if (!is_plain) name = "scene_" + name;
   // NAME_play becomes the name of a file, too.

@@ -2,18 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
-#include <cstdio>
 #include <memory>
 #include <utility>
 #include <vector>
 
+#include "emit_c/emit_c.h"
 #include "emit_fmu/fmu_parameters.h"
 #include "expression/series_dot.h"
 #include "expression/series_text.h"
+#include "model/number_text.h"
 #include "motion_program/c_text.h"
-#include "motion_program/motion_program.h"
 #include "variator_sim/motion_state.h"
+#include "variator_sim/nearest_name.h"
 #include "variator_sim/units.h"
 
 namespace variator_sim {
@@ -27,10 +27,9 @@ using expression::Source;
 std::string asJson(const std::string& text) {
   std::string made = "\"";
   for (const char c : text) {
-    char escape[8];
     const auto code = static_cast<unsigned char>(c);
-    std::snprintf(escape, sizeof escape, "\\u%04x", code);
-    made += code < ' ' || c == '"' || c == '\\' ? escape : std::string(1, c);
+    const bool is_plain = code >= ' ' && c != '"' && c != '\\';
+    made += is_plain ? std::string(1, c) : printed("\\u%04x", code);
   }
   return made + "\"";
 }
@@ -119,23 +118,17 @@ class FmuWriter {
 
   std::string write(const std::string& name, const std::string& title) {
     const std::string source = writeSource();
-    std::uint64_t sum = 14695981039346656037ULL;  // FNV-1a
-    for (const char c : source) sum = (sum ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
-    char token[40];
-    std::snprintf(token, sizeof token, "{variator_sim-%016llx}",
-                  static_cast<unsigned long long>(sum));
+    const std::string token = "{variator_sim-" + checksumOf(source) + "}";
     std::string complete = source;
     replaceAll(complete, "@TOKEN@", token);
-    std::string shafts;
-    for (const std::string& shaft : scene_.shafts) {
-      shafts += (shafts.empty() ? "" : ", ") + asJson(shaft);
-    }
+    std::vector<std::string> shafts;
+    for (const std::string& shaft : scene_.shafts) shafts.push_back(asJson(shaft));
     return "{\"version\": " + std::to_string(version_) + ", \"name\": " + asJson(name) +
            ", \"title\": " + asJson(title) + ", \"token\": " + asJson(token) +
            ", \"fuses\": " + (expression::fusesProducts() ? "true" : "false") +
            ",\n\"tolerance\": " + literalOf(scene_.solver.relative_tolerance) + ", \"shafts\": [" +
-           shafts + "],\n\"units\": {" + writeUnits() + "},\n\"variables\": [" + writeVariables() +
-           "],\n\"source\": " + asJson(complete) + "}\n";
+           join(shafts, ", ") + "],\n\"units\": {" + writeUnits() + "},\n\"variables\": [" +
+           writeVariables() + "],\n\"source\": " + asJson(complete) + "}\n";
   }
 
  private:
@@ -156,7 +149,7 @@ class FmuWriter {
   std::vector<std::string> unitsUsed() const {
     std::vector<std::string> names = {"s", "rad", "rad/s", "rad/s^2", "N m", "N m/s", "W", "J"};
     const auto add = [&names](const std::string& unit) {
-      const bool is_known = std::find(names.begin(), names.end(), unit) != names.end();
+      const bool is_known = contains(names, unit);
       if (!unit.empty() && !is_known) names.push_back(unit);
     };
     for (const Output& it : scene_.outputs) add(it.unit());
@@ -302,9 +295,7 @@ class FmuWriter {
     std::string text;
     std::vector<std::string> of_one, of_two, passages;
     const auto listOf = [](const std::vector<std::string>& words) {
-      std::string list = "{";
-      for (const std::string& word : words) list.append(list.size() > 1 ? ", " : "").append(word);
-      return list.append("}");
+      return std::string("{").append(join(words, ", ")).append("}");
     };
     for (const MotionRows::DenseTable& it : program_.rows().tables()) {
       const std::string name = "fmu_table_" + std::to_string(of_one.size());
