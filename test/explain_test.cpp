@@ -9,7 +9,6 @@
 #include <sstream>
 
 #include "expression/term_maker.h"
-#include "tools/explanation.h"
 #include "tools/scene_equations.h"
 #include "variator_sim/component_factory.h"
 #include "variator_sim/expression/parser.h"

@@ -10,9 +10,8 @@
 #include <vector>
 
 #include "python/trees.h"
-#include "tools/linear_model_file.h"
+#include "tools/analysis_text.h"
 #include "tools/simulate_options.h"
-#include "tools/steady_state.h"
 #include "variator_sim/message_text.h"
 
 namespace variator_sim::python {

@@ -1,29 +1,26 @@
 #include "tools/analysis_run.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
-#include <filesystem>
 #include <fstream>
+#include <limits>
 #include <memory>
 
-#include "io/whole_file.h"
 #include "model/number_text.h"
-#include "tools/linear_model_file.h"
-#include "tools/python_file.h"
+#include "tools/analysis_text.h"
 #include "tools/sample_writer.h"
-#include "tools/state_file.h"
-#include "tools/steady_state.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/io/yaml_text.h"
 #include "variator_sim/io/yaml_tree.h"
-#include "variator_sim/linear_model.h"
-#include "variator_sim/motion_state.h"
 #include "variator_sim/trim.h"
 
 namespace variator_sim {
+
+using Eigen::VectorXd;
+
+// --- linear models and steady states -------------------------------------------------------------
+
 namespace {
 
 /// Longest wait for rest without --duration, s.
@@ -40,46 +37,24 @@ bool isInline(const std::string& word) {
   return word.find_first_of("=:") != std::string::npos && !std::ifstream(word);
 }
 
-/// Advances through the commands up to `time`.
-class Run {
- public:
-  Run(Simulation& simulation, const std::vector<ResolvedCommand>& commands)
-      : simulation_(simulation), commands_(commands) {
-    // Commands before the state from which the run continues are past.
-    while (next_ < commands_.size() && commands_[next_].time < simulation.time()) ++next_;
+/// Advances to the first rest until `end`, at which `run` ends. Returns false when there is none.
+bool advanceToRest(Simulation& simulation, OfflineRun& run, double end) {
+  SampleBlock none;
+  while (simulation.time() < end && !Interruption::isWanted()) {
+    run.advanceBlock(std::max(0.05, 0.01 * simulation.time()), none);
+    simulation.sample();
+    if (!simulation.status().ok()) return false;
+    if (simulation.isSleeping()) return true;
   }
-
-  bool advanceTo(double time) {
-    for (; next_ < commands_.size() && commands_[next_].time <= time; ++next_) {
-      simulation_.advanceTo(commands_[next_].time);
-      simulation_.command(commands_[next_].input, commands_[next_].value);
-    }
-    simulation_.advanceTo(time);
-    simulation_.sample();
-    return simulation_.status().ok() && simulation_.time() >= time;  // not interrupted
-  }
-  /// Advances to the first rest until `end`. Returns false when there is none.
-  bool advanceToRest(double end) {
-    for (double time = simulation_.time(); time < end && !Interruption::isWanted();) {
-      time = std::min(end, time + std::max(0.05, 0.01 * time));
-      if (!advanceTo(time)) return false;
-      if (simulation_.isSleeping()) return true;
-    }
-    return false;
-  }
-
- private:
-  Simulation& simulation_;
-  const std::vector<ResolvedCommand>& commands_;
-  std::size_t next_ = 0;
-};
+  return false;
+}
 
 /// Explains why the motion does not come to rest, and the option that needs none.
 std::string explainUnrest(Simulation& simulation) {
   const Scene& scene = simulation.scene();
-  std::string readers;
+  std::vector<std::string> readers;
   const auto note = [&readers](const char* kind, const auto& law, const Dependence& dependence) {
-    if (dependence.time) readers += (readers.empty() ? "" : ", ") + (kind + inQuotes(law->name()));
+    if (dependence.time) readers.push_back(kind + inQuotes(law->name()));
   };
   for (const TorquePtr& torque : scene.torques) note("torque ", torque, torque->torqueDependence());
   for (const ConstraintPtr& row : scene.constraints) note("constraint ", row, row->dependence());
@@ -87,7 +62,7 @@ std::string explainUnrest(Simulation& simulation) {
   if (!scene.solver.sleep) return text + "'solver/sleep: false' allows none";
   if (isFixedStep(scene.solver.stepper)) return text + "steppers with fixed steps know none";
   if (!readers.empty()) {
-    text += readers + (readers.find(',') == std::string::npos ? " reads" : " read") + " the time";
+    text += join(readers, ", ") + (readers.size() == 1 ? " reads" : " read") + " the time";
   } else {
     const Sample& sample = simulation.sample();
     int fastest = 0;
@@ -107,7 +82,9 @@ std::string explainUnrest(Simulation& simulation) {
 bool reachPoint(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
                 const SimulateOptions& options, OperatingPoint* point) {
   double time = 0.0;
-  Run run(simulation, commands);
+  const auto runTo = [&](double end) {
+    return OfflineRun(simulation, SampleTimes::at({}), commands, end);
+  };
   const auto tell = [&](std::string why) {
     if (!simulation.status().ok()) why = simulation.describeStatus();
     if (Interruption::isWanted()) why = "interrupted at " + formatNumber(simulation.time()) + " s";
@@ -116,13 +93,17 @@ bool reachPoint(Simulation& simulation, const std::vector<ResolvedCommand>& comm
   };
   if (options.at == "rest") {
     const double end = options.duration > 0.0 ? options.duration : kPatience;
-    if (!run.advanceToRest(end)) {
+    OfflineRun run = runTo(end);
+    if (!advanceToRest(simulation, run, end)) {
       return tell(simulation.status().ok() ? explainUnrest(simulation)
                                            : simulation.describeStatus());
     }
   } else if (readWhole(options.at, &time)) {
     if (!(time >= 0.0) || !std::isfinite(time)) throw UsageError("--at: must be at least 0 s");
-    if (!run.advanceTo(time)) return tell("");
+    SampleBlock none;
+    runTo(time).advanceBlock(std::numeric_limits<double>::infinity(), none);
+    simulation.sample();
+    if (!simulation.status().ok() || simulation.time() < time) return tell("");
   } else if (isInline(options.at)) {
     *point =
         readOperatingPoint(readYamlText(toFlow(options.at), "--at"), simulation.scene(), "--at");
@@ -206,6 +187,147 @@ bool runTrim(const Scene& scene, const SimulateOptions& options) {
   }
   writeOutput(options.output_path, text);
   return true;
+}
+
+namespace {}  // namespace
+
+// --- the minimum ---------------------------------------------------------------------------------
+
+MinimumWatch::MinimumWatch(Simulation& simulation, bool with_curves)
+    : simulation_(simulation), check_(simulation.scene()), with_curves_(with_curves) {
+  if (with_curves_) curves_ = "time,direction,step,Z\n";
+}
+
+void MinimumWatch::look(const Sample& sample) {
+  const PrincipleSystem system = check_.calc(simulation_.operatingPoint());
+  const VectorXd own = check_.ownOf(sample);
+  const VectorXd x = system.unknownsOf(own);
+  Looked looked = {sample.time, PrincipleCheck::compare(system, own), 0.0};
+  if (system.C.rows() > 0) {
+    for (const VectorXd& other : {system.solveByNullSpace(), system.solveByStationarity()}) {
+      const double square = (other - x).dot(system.J * (other - x));
+      looked.derivations = std::max(looked.derivations, std::sqrt(square));
+    }
+  }
+  if (with_curves_) addCurves(sample.time, system, x, std::sqrt(2.0 * looked.change.scale));
+  looked_.push_back(looked);
+}
+
+void MinimumWatch::addCurves(double time, const PrincipleSystem& system, const VectorXd& x,
+                             double reach) {
+  const Eigen::MatrixXd directions = system.admissibleDirections();
+  constexpr int kSteps = 10;  // to each side
+  for (int n = 0; n < directions.cols(); ++n) {
+    for (int step = -kSteps; step <= kSteps; ++step) {
+      const double length = reach * step / kSteps;
+      curves_ += formatNumber(time) + "," + std::to_string(n + 1) + "," + formatNumber(length) +
+                 "," + formatNumber(system.measure(x + length * directions.col(n))) + "\n";
+    }
+  }
+}
+
+std::string MinimumWatch::describe(bool* is_least) const {
+  constexpr double kAllowed = 1e-9;
+  constexpr double kQuiet = 1e-7;  // of the largest scale: less is rounding of what has passed
+  double largest = std::numeric_limits<double>::min();
+  for (const Looked& it : looked_) largest = std::max(largest, it.change.scale);
+  double excess = 0.0;
+  double off = 0.0;
+  double derivations = 0.0;
+  const Looked* worst = nullptr;
+  for (const Looked& it : looked_) {
+    const double scale = std::max(it.change.scale, kQuiet * largest);
+    const double its_excess = std::abs(it.change.measure - it.change.least) / scale;
+    if (worst == nullptr || !(its_excess <= excess)) {  // a NaN is worst
+      worst = &it;
+      excess = its_excess;
+    }
+    const double length = std::sqrt(2.0 * scale);
+    if (!(it.change.off / length <= off)) off = it.change.off / length;
+    derivations = std::max(derivations, it.derivations / length);
+  }
+  *is_least = excess <= kAllowed && off <= kAllowed;
+  std::string text =
+      std::string("principle: ") +
+      (check_.isClassical()
+           ? "gauss, Z = 1/2 R^T J^-1 R over the accelerations that the constraints allow"
+           : "generalized_gauss, Z = 1/2 G^T J^-1 G over the jerks that the constraints allow") +
+      "\ninstants: " + std::to_string(looked_.size());
+  if (worst != nullptr) {
+    text += "\nlargest excess over the least Z: " + printed("%.3g", excess) + " of its scale, at " +
+            formatNumber(worst->time) + " s (Z " + formatNumber(worst->change.measure) +
+            ", least " + formatNumber(worst->change.least) + ")";
+  }
+  text += "\nlargest distance from the constraints: " + printed("%.3g", off) +
+          " of the scale\nlargest difference by [10] and [16]: " + printed("%.3g", derivations) +
+          " of the scale\n";
+  for (const std::string& limit : check_.limits()) text += "note: " + limit + "\n";
+  return text;
+}
+
+// --- principles beside each other ----------------------------------------------------------------
+
+namespace {
+
+/// Returns false when the motion stops on the way.
+bool runBeside(const std::string& name, Scene scene, const std::vector<ResolvedCommand>& commands,
+               const SampleTimes& times, double end, const std::string& path) {
+  Simulation simulation(std::move(scene));
+  OfflineRun run(simulation, times, commands, end);
+  std::unique_ptr<MinimumWatch> watch;
+  try {
+    watch = std::make_unique<MinimumWatch>(simulation, false);
+    run.lookAt([&watch](const Sample& sample) { watch->look(sample); });
+  } catch (const SceneError&) {  // nothing is least: there is nothing to derive otherwise
+  }
+  const std::size_t dot = path.rfind('.');  // "run_gauss.csv" for "run.csv"
+  const auto writer =
+      makeCsvWriter(path.substr(0, dot) + "_" + name + path.substr(dot), simulation, {});
+  SampleBlock block;
+  for (bool more = true; more && !Interruption::isWanted();) {
+    more = run.advanceBlock(std::numeric_limits<double>::infinity(), block);
+    if (!block.samples.empty()) writer->write(block);
+  }
+  writer->close();
+  bool is_least = true;
+  if (watch) writeOutput("", watch->describe(&is_least));
+  if (simulation.status().ok()) return true;
+  std::fprintf(stderr, "simulate: %s: %s\n", name.c_str(), simulation.describeStatus().c_str());
+  return false;
+}
+
+}  // namespace
+
+bool comparePrinciples(const Simulation& simulation, const std::vector<ResolvedCommand>& commands,
+                       const SampleTimes& times, double end, const SimulateOptions& options) {
+  const auto run = [&](const char* name, const Scene& scene) {
+    return runBeside(name, scene, commands, times, end, options.output_path);
+  };
+  Scene scene = simulation.scene();
+  scene.principle = Principle::kGeneralizedGauss;
+  bool all_end = run("generalized_gauss", scene);
+  scene.principle = Principle::kGauss;
+  scene.initial.acceleration.clear();
+  if (!scene.hasOrder3()) all_end = run("gauss", scene) && all_end;
+  // A jump of an input would move C eta + c0 = 0 by an impulse.
+  const bool reads_inputs = std::any_of(scene.constraints.begin(), scene.constraints.end(),
+                                        [](const ConstraintPtr& it) { return it->readsInputs(); });
+  if (reads_inputs || !scene.holdNames().empty() || scene.hasMemory() ||
+      !scene.inertia_formulas.empty()) {
+    std::fputs(
+        "simulate: note: [18] is left out: it knows neither elements that hold, states, events "
+        "and inertias by formulas, nor constraints that read inputs\n",
+        stderr);
+    return all_end;
+  }
+  // [18]: the constraints in their form of order 3, from accelerations whose reaction is in
+  // range(C^T).
+  Simulation start(scene);
+  const double* const first = start.sample().acceleration;
+  for (ConstraintPtr& constraint : scene.constraints) constraint = constraint->inOrder3();
+  scene.initial.acceleration.assign(first, first + scene.shaftCount());
+  scene.initial.project = true;
+  return run("formal", scene) && all_end;
 }
 
 }  // namespace variator_sim

@@ -30,26 +30,20 @@ std::vector<std::string> groupNames() {
 ColumnGroups readColumnGroups(const std::string& list) {
   const std::vector<std::string> allowed = groupNames();
   std::vector<std::string> wanted;
-  const auto is_wanted = [&wanted](const std::string& name) {
-    return std::find(wanted.begin(), wanted.end(), name) != wanted.end();
-  };
-  for (std::size_t begin = 0; begin <= list.size();) {
-    const std::size_t end = std::min(list.find(',', begin), list.size());
-    const std::string name = list.substr(begin, end - begin);
-    if (std::find(allowed.begin(), allowed.end(), name) == allowed.end()) {
+  for (const std::string& name : splitAt(list, ',')) {
+    if (!contains(allowed, name)) {
       throw std::invalid_argument(inQuotes(name) + " is no group of columns" +
                                   suggestAmong(name, allowed));
     }
-    if (is_wanted(name)) throw std::invalid_argument(inQuotes(name) + " is given twice");
+    if (contains(wanted, name)) throw std::invalid_argument(inQuotes(name) + " is given twice");
     wanted.push_back(name);
-    begin = end + 1;
   }
   ColumnGroups columns;
-  columns.state = is_wanted("state");
+  columns.state = contains(wanted, "state");
   for (const QuantityGroup group : kQuantityGroups) {
-    if (is_wanted(toString(group))) columns.quantities.push_back(group);
+    if (contains(wanted, toString(group))) columns.quantities.push_back(group);
   }
-  columns.energy = is_wanted("energy");
+  columns.energy = contains(wanted, "energy");
   return columns;
 }
 
@@ -96,12 +90,9 @@ std::vector<std::string> columnTitles(const Simulation& simulation, const Column
 }
 
 RowMaker::RowMaker(const Simulation& simulation, const ColumnGroups& groups)
-    : has_state_(groups.state),
-      has_errors_(groups.errors),
-      has_energy_(groups.energy),
+    : groups_(groups),
       shaft_count_(simulation.scene().shaftCount()),
       constraint_count_(simulation.scene().constraintCount()),
-      derivative_count_(groups.derivatives.size()),
       column_count_(columnNames(simulation, groups).size()) {
   for (const QuantityGroup group : groups.quantities) {
     const std::size_t count = simulation.quantityNames(group).size();
@@ -111,19 +102,19 @@ RowMaker::RowMaker(const Simulation& simulation, const ColumnGroups& groups)
     }
     quantity_count_ += count;
   }
-  quantity_count_ += derivative_count_;
+  quantity_count_ += groups_.derivatives.size();
 }
 
 void RowMaker::write(const Sample& sample, const double* quantities, double* row) const {
   *row++ = sample.time;
-  if (has_state_) {
+  if (groups_.state) {
     for (int i = 0; i < shaft_count_; ++i) {
       for (const auto& [column, error] :
            {std::pair{sample.angle, sample.angle_error},
             std::pair{sample.velocity, sample.velocity_error},
             std::pair{sample.acceleration, sample.acceleration_error}}) {
         *row++ = column[i];
-        if (has_errors_) *row++ = error[i];
+        if (groups_.errors) *row++ = error[i];
       }
       for (const double* column :
            {sample.applied_torque, sample.reaction_torque, sample.reaction_torque_rate}) {
@@ -141,16 +132,16 @@ void RowMaker::write(const Sample& sample, const double* quantities, double* row
     *row++ = sample.state_error[i];
   }
   const std::size_t told = first_state_ + state_count_;
-  const std::size_t derivatives = quantity_count_ - derivative_count_;
+  const std::size_t derivatives = quantity_count_ - groups_.derivatives.size();
   row = std::copy_n(quantities + told, derivatives - told, row);
-  if (has_energy_) {
+  if (groups_.energy) {
     const Energy& energy = sample.energy;
     for (const double value : {energy.kinetic, energy.applied, energy.reactions,
                                energy.applied_power, energy.reaction_power}) {
       *row++ = value;
     }
   }
-  std::copy_n(quantities + derivatives, derivative_count_, row);
+  std::copy_n(quantities + derivatives, groups_.derivatives.size(), row);
 }
 
 }  // namespace variator_sim

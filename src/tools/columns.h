@@ -41,15 +41,12 @@ class RowMaker {
   void write(const Sample& sample, const double* quantities, double* row) const;
 
  private:
-  bool has_state_;
-  bool has_errors_;
-  bool has_energy_;
+  ColumnGroups groups_;
   int shaft_count_;
   int constraint_count_;
   std::size_t quantity_count_ = 0;
   std::size_t first_state_ = 0;  ///< of the quantities with errors
   std::size_t state_count_ = 0;
-  std::size_t derivative_count_;
   std::size_t column_count_ = 1;
 };
 

@@ -1,11 +1,9 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <limits>
-#include <system_error>
 
 #include "io/whole_file.h"
 #include "tools/sample_writer.h"
@@ -17,21 +15,6 @@ namespace {
 // The longest double that std::to_chars writes has 24 characters ("-2.2250738585072014e-308").
 constexpr std::size_t kLongestNumber = 24;
 
-std::string makeHeader(const Simulation& simulation, const ColumnGroups& columns) {
-  std::string header;
-  for (const std::string& name : columnTitles(simulation, columns)) {
-    header += (header.empty() ? "" : ",") + name;
-  }
-  return header + "\n";
-}
-
-[[noreturn]] void fail(const std::string& name) {
-  const int error = errno;
-  const std::string message = name + ": " + std::generic_category().message(error);
-  if (error == EPIPE) throw OutputClosed(message);
-  throw OutputError(message);
-}
-
 class CsvWriter : public SampleWriter {
  public:
   CsvWriter(const std::string& path, const Simulation& simulation, const ColumnGroups& columns)
@@ -42,10 +25,10 @@ class CsvWriter : public SampleWriter {
       file_ = STDOUT_FILENO;
     } else {
       file_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-      if (file_ < 0) fail(name_);
+      if (file_ < 0) failedToWrite(name_);
       owns_file_ = true;
     }
-    const std::string header = makeHeader(simulation, columns);
+    const std::string header = join(columnTitles(simulation, columns), ",") + "\n";
     writeAll(header.data(), header.size());
   }
   ~CsvWriter() override {
@@ -68,7 +51,7 @@ class CsvWriter : public SampleWriter {
     if (!owns_file_) return;
     owns_file_ = false;
     // Some file systems report a full disk only on close.
-    if (::close(file_) != 0) fail(name_);
+    if (::close(file_) != 0) failedToWrite(name_);
   }
 
  private:
@@ -87,7 +70,7 @@ class CsvWriter : public SampleWriter {
   }
 
   void writeAll(const char* data, std::size_t size) {
-    if (!writeBytes(file_, data, size)) fail(name_);
+    if (!writeBytes(file_, data, size)) failedToWrite(name_);
   }
 
   std::string name_;
@@ -99,15 +82,6 @@ class CsvWriter : public SampleWriter {
 };
 
 }  // namespace
-
-void writeOutput(const std::string& path, const std::string& text) {
-  if (path.empty()) {
-    if (!writeBytes(STDOUT_FILENO, text.data(), text.size())) fail("standard output");
-    return;
-  }
-  const std::string reason = writeWholeFile(path, text);
-  if (!reason.empty()) throw OutputError(path + ": cannot be written: " + reason);
-}
 
 std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Simulation& simulation,
                                             const ColumnGroups& columns) {

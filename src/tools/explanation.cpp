@@ -1,7 +1,7 @@
-#include "tools/explanation.h"
-
 #include <algorithm>
 #include <cctype>
+
+#include "tools/scene_equations.h"
 
 namespace variator_sim {
 

@@ -10,7 +10,6 @@
 #include "model/number_text.h"
 #include "tools/sensitivity.h"
 #include "variator_sim/interruption.h"
-#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 namespace {
@@ -41,13 +40,10 @@ std::vector<std::string> describeDoubts(const Simulation& simulation) {
   const SolverSettings& solver = simulation.scene().solver;
   const double part = simulation.statistics().largest_error_estimate * solver.relative_tolerance;
   if (part > kCrude) {
-    const DotLocale dot;
-    char text[200];
-    std::snprintf(text, sizeof(text),
-                  "fixed steps of %.6g s are crude: the largest estimated error of one step is "
-                  "%.2g of the state; lower 'solver/step'",
-                  solver.step, part);
-    doubts.emplace_back(text);
+    doubts.push_back(
+        printed("fixed steps of %.6g s are crude: the largest estimated error of one step is "
+                "%.2g of the state; lower 'solver/step'",
+                solver.step, part));
   }
   const std::vector<CommandInputSettings>& inputs = simulation.scene().inputs;
   for (std::size_t i = 0; i < inputs.size(); ++i) {
@@ -115,10 +111,6 @@ void OfflineRun::applyCommands() {
       first_refused_line_ = command.line;
     }
   }
-}
-
-void OfflineRun::observe(const std::vector<QuantityGroup>& groups) {
-  groups_ = groups;
 }
 
 void OfflineRun::takeSample(SampleBlock& block) {

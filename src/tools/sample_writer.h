@@ -1,29 +1,16 @@
-/// Writers of the samples of an offline run, and of other outputs.
+/// Writers of the samples of an offline run.
 #pragma once
 
 #include <memory>
 #include <string>
 
 #include "tools/offline_run.h"
+#include "tools/output.h"
 #include "tools/simulate_options.h"
-#include "variator_sim/errors.h"
 
 namespace variator_sim {
 
 class Simulation;
-
-/// Thrown if an output cannot be written; what() names it and the system's reason.
-class OutputError : public Error {
- public:
-  using Error::Error;
-};
-
-/// Thrown if the reader of the output has gone (`simulate ... | head`), so that the rest is
-/// useless.
-class OutputClosed : public OutputError {
- public:
-  using OutputError::OutputError;
-};
 
 class SampleWriter {
  public:
@@ -43,10 +30,6 @@ class SampleWriter {
 /// Writes CSV to a file, or to standard output when `path` is empty. Throws OutputError.
 std::unique_ptr<SampleWriter> makeCsvWriter(const std::string& path, const Simulation& simulation,
                                             const ColumnGroups& columns);
-
-/// Writes a text to a file atomically, or to standard output when `path` is empty. Throws
-/// OutputError.
-void writeOutput(const std::string& path, const std::string& text);
 
 /// Writes a bag with the topics of the groups: `state` and `joint_states`; `elements`, `inputs`,
 /// `outputs`; `energy`; and, once, `scene`. Throws OutputError.

@@ -4,6 +4,8 @@
 #include <map>
 #include <utility>
 
+#include "variator_sim/nearest_name.h"
+
 namespace variator_sim {
 
 using expression::Graph;
@@ -179,12 +181,10 @@ class Writer {
 
   /// "name (ExpressionTorque)"
   std::string describe(const std::string& name) const {
-    const auto& root = scene_.resolved.asDictionary();
-    const auto section = root.find(name);
-    if (section == root.end()) return name;
-    const auto type = section->second.asDictionary().find("type");
-    if (type == section->second.asDictionary().end()) return name;
-    const std::string& full = type->second.asText();
+    const ParameterTree* const section = scene_.resolved.find(name);
+    const ParameterTree* const type = section == nullptr ? nullptr : section->find("type");
+    if (type == nullptr) return name;
+    const std::string& full = type->asText();
     const std::string own = "variator_sim/";
     return name + " (" + (full.compare(0, own.size(), own) == 0 ? full.substr(own.size()) : full) +
            ")";
@@ -232,11 +232,10 @@ class Writer {
   }
 
   void writeTorque(const Torque& torque) {
-    std::string where;
-    for (const int i : torque.shafts()) {
-      where += (where.empty() ? "" : " and ") + scene_.shafts[static_cast<std::size_t>(i)];
-    }
-    begin("torque " + describe(torque.name()) + " on " + where + ", N m" +
+    std::vector<std::string> shafts;
+    for (const int i : torque.shafts())
+      shafts.push_back(scene_.shafts[static_cast<std::size_t>(i)]);
+    begin("torque " + describe(torque.name()) + " on " + join(shafts, " and ") + ", N m" +
           (is_classical_ ? "" : " and N m/s"));
     for (const auto& [i, node] : torque.torques()) {
       define(torqueSymbol(torque, i), node);
@@ -359,7 +358,7 @@ class Writer {
     std::vector<TermPtr> right;
     for (const TorquePtr& torque : scene_.torques) {
       const std::vector<int> shafts = torque->shafts();
-      if (std::find(shafts.begin(), shafts.end(), i) == shafts.end()) continue;
+      if (!contains(shafts, i)) continue;
       const Symbol Q = torqueSymbol(*torque, i);
       if (has_rates && !hasRate(*torque, i)) continue;
       right.push_back(makeSymbol(has_rates ? withPrime(Q) : Q));

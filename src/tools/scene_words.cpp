@@ -1,9 +1,8 @@
-#include "tools/scene_words.h"
-
 #include <algorithm>
 #include <map>
 #include <set>
 
+#include "tools/scene_equations.h"
 #include "variator_sim/expression/parser.h"
 
 namespace variator_sim {
@@ -21,15 +20,6 @@ namespace {
 
 /// Points of the longest table that is written out.
 constexpr std::size_t kMostPoints = 8;
-
-/// Replaces all but letters, digits and underscores.
-std::string toIdentifier(std::string name) {
-  for (char& c : name) {
-    const bool is_fit = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
-    if (!is_fit) c = '_';
-  }
-  return name;
-}
 
 /// A set of unique names.
 class Register {
@@ -139,14 +129,12 @@ struct NamedNode {
 
 std::vector<NamedNode> findOutputs(const Scene& scene) {
   std::vector<NamedNode> outputs;
-  const auto add = [&outputs](const auto& law) {
-    const NamedOutputs& of = law.outputs();
+  for (const Law* law : scene.laws()) {
+    const NamedOutputs& of = law->outputs();
     for (std::size_t i = 0; i < of.names().size(); ++i) {
-      outputs.push_back({law.name(), of.names()[i], of.nodes()[i]});
+      outputs.push_back({law->name(), of.names()[i], of.nodes()[i]});
     }
-  };
-  for (const TorquePtr& torque : scene.torques) add(*torque);
-  for (const ConstraintPtr& constraint : scene.constraints) add(*constraint);
+  }
   return outputs;
 }
 

@@ -2,18 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 #include <utility>
 
+#include "analysis/model_formulas.h"
+#include "model/number_text.h"
 #include "motion_program/motion_program.h"
 #include "motion_program/tangent_steps.h"
-#include "variator_sim/errors.h"
-#include "variator_sim/message_text.h"
 #include "variator_sim/nearest_name.h"
 #include "variator_sim/overrides.h"
 #include "variator_sim/simulation.h"
-#include "variator_sim/units.h"
 
 namespace variator_sim {
 namespace {
@@ -31,18 +29,7 @@ struct Parameter {
 /// Reads the number at a path, a text with its unit too. Throws SceneError.
 double readNumber(const ParameterTree& tree, const std::string& path) {
   const ParameterTree value = getValue(tree, path);
-  using Kind = ParameterTree::Kind;
-  if (value.kind() == Kind::kReal) return value.asReal();
-  if (value.kind() == Kind::kInteger) return static_cast<double>(value.asInteger());
-  if (value.kind() == Kind::kText) {
-    const char* const text = value.asText().c_str();
-    char* end = nullptr;
-    const double number = std::strtod(text, &end);
-    while (*end == ' ') ++end;
-    if (end != text && *end == '\0') return number;
-    if (end != text && readUnit(end) && readUnit(end)->unknown.empty())
-      return requireUnit(end, path).toSi(number);
-  }
+  if (const std::optional<double> number = ParameterReader::findNumber(value)) return *number;
   throw SceneError(path, "is " + value.describeKind() + ", " + value.toText() +
                              "; allowed for a derivative: a number, or TOPIC@TIME of a command");
 }
@@ -234,15 +221,13 @@ Sensitivity::Sensitivity(const ParameterTree& tree, const SceneReader& read,
       slopes.push_back(all.slopes[next++]);
     } else {
       slopes.emplace_back();
-      char* end = nullptr;
       seed.input = findInput(scene.inputs, path.substr(0, place));
-      seed.time = std::strtod(path.c_str() + place + 1, &end);
+      const bool is_number = readWhole(path.substr(place + 1), &seed.time);
       double nearest = std::numeric_limits<double>::infinity();
       for (const ResolvedCommand& it : commands) {
         if (it.input != seed.input) continue;
         if (std::abs(it.time - seed.time) < std::abs(nearest - seed.time)) nearest = it.time;
       }
-      const bool is_number = *end == '\0' && place + 1 < path.size();
       if (!is_number || !(std::abs(nearest - seed.time) <= 1e-9 * std::max(1.0, seed.time))) {
         throw SceneError("", inQuotes(path) + ": there is no command to that input at that time; " +
                                  (std::isfinite(nearest)
@@ -253,13 +238,7 @@ Sensitivity::Sensitivity(const ParameterTree& tree, const SceneReader& read,
     }
     seeds_.push_back(seed);
   }
-  std::vector<std::string> quantities;
-  for (const std::string& shaft : scene.shafts) {
-    for (const char* of :
-         {"/angle", "/velocity", "/acceleration", "/applied_torque", "/reaction_torque"}) {
-      quantities.push_back(shaft + of);
-    }
-  }
+  std::vector<std::string> quantities = shaftQuantities(scene);
   for (const ConstraintPtr& it : scene.constraints)
     quantities.push_back(it->name() + "/multiplier");
   for (const SceneState& it : scene.states) {

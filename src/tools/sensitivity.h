@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "tools/offline_run.h"
-#include "variator_sim/parameter_tree.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {

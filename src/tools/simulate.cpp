@@ -18,23 +18,15 @@
 #include "emit_fmu/emit_fmu.h"
 #include "ros/plugin_loader.h"
 #include "tools/analysis_run.h"
-#include "tools/explanation.h"
-#include "tools/offline_run.h"
-#include "tools/principle_run.h"
-#include "tools/progress_bar.h"
-#include "tools/python_file.h"
-#include "tools/run_statistics.h"
+#include "tools/run_report.h"
 #include "tools/sample_writer.h"
+#include "tools/scene_equations.h"
 #include "tools/sensitivity.h"
-#include "tools/simulate_options.h"
-#include "tools/state_file.h"
-#include "variator_sim/errors.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/io/command_file.h"
 #include "variator_sim/io/override_text.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/node_names.h"
-#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 namespace {
@@ -92,17 +84,14 @@ Scene readTree(const ParameterTree& tree) {
 /// Returns what `use` makes of the scene's tree; faults name their source.
 template <class Use>
 auto useTree(const SimulateOptions& options, const Use& use) {
-  ParameterTree tree = readYamlFile(options.scene_path);
-  std::string source = options.scene_path;  // of the fault
-  try {
-    applyOwnOverrides(tree);
-    if (!options.overrides.empty()) source = "--set";
+  const std::string& path = options.scene_path;
+  ParameterTree tree = readYamlFile(path);
+  fromSource(path, [&] { applyOwnOverrides(tree); });
+  fromSource("--set", [&] {
     for (const std::string& text : options.overrides) applyOverride(tree, text);
-    source = options.scene_path + (options.overrides.empty() ? "" : " with --set");
-    return use(tree);
-  } catch (const SceneError& error) {
-    throw SceneError("", source + ": " + error.what());
-  }
+  });
+  return fromSource(path + (options.overrides.empty() ? "" : " with --set"),
+                    [&] { return use(tree); });
 }
 
 Simulation loadSimulation(const SimulateOptions& options) {
@@ -291,13 +280,9 @@ int explain(const Simulation& simulation, const SimulateOptions& options) {
 
 int emitC(Simulation& simulation, const SimulateOptions& options) {
   const std::string& path = options.scene_path;
-  const std::string title = path.substr(path.rfind('/') + 1);
-  EmittedScene scene;
-  try {
-    scene = emitScene(simulation, nameForC(path), title);
-  } catch (const SceneError& error) {
-    throw SceneError("", path + ": " + error.what());
-  }
+  const EmittedScene scene = fromSource(path, [&] {
+    return emitScene(simulation, nameForC(path), path.substr(path.rfind('/') + 1));
+  });
   try {
     writeEmittedScene(scene, options.emit_c_path);
   } catch (const std::runtime_error& error) {
@@ -308,13 +293,9 @@ int emitC(Simulation& simulation, const SimulateOptions& options) {
 
 int emitFmu(Simulation& simulation, const SimulateOptions& options) {
   const std::string& path = options.scene_path;
-  std::string description;
-  try {
-    description =
-        describeFmu(simulation, options.fmi, nameForC(path), path.substr(path.rfind('/') + 1));
-  } catch (const SceneError& error) {
-    throw SceneError("", path + ": " + error.what());
-  }
+  const std::string description = fromSource(path, [&] {
+    return describeFmu(simulation, options.fmi, nameForC(path), path.substr(path.rfind('/') + 1));
+  });
   runPythonFile("fmu_archive.py", options.emit_fmu_path, description);
   return kSuccess;
 }

@@ -30,18 +30,15 @@ double readNumber(const std::string& option, const std::string& word) {
 
 std::vector<double> readTimes(const std::string& word) {
   std::vector<double> times;
-  std::size_t begin = 0;
-  while (true) {
-    const std::size_t comma = word.find(',', begin);
-    const double time = readNumber("--times", word.substr(begin, comma - begin));
+  for (const std::string& part : splitAt(word, ',')) {
+    const double time = readNumber("--times", part);
     if (time < 0.0) throw UsageError("--times: " + inQuotes(word) + " holds a time below 0 s");
     if (!times.empty() && time < times.back()) {
       throw UsageError("--times: " + inQuotes(word) + " is not in ascending order");
     }
     times.push_back(time);
-    if (comma == std::string::npos) return times;
-    begin = comma + 1;
   }
+  return times;
 }
 
 bool endsWith(const std::string& text, const std::string& ending) {
@@ -147,37 +144,32 @@ void checkModes(const OptionParser& given) {
   }
 }
 
-/// Rejects outputs that overwrite an input file.
+/// Rejects outputs that overwrite an input file, or another output.
 void refuseOverwriting(const SimulateOptions& options) {
   struct File {
+    const char* option;
     const char* what;
     const std::string& path;
   };
-  const File scene{"the scene", options.scene_path};
-  const File commands{"the file of --commands", options.commands_path};
-  const File output{"the file of --output", options.output_path};
-  const File state{"--save-state", options.save_state_path};
-  const File events{"--events", options.events_path};
-  const auto refuse = [](const char* option, const File& written, const File& other) {
+  const File files[] = {{"", "the scene", options.scene_path},
+                        {"--commands", "the file of --commands", options.commands_path},
+                        {"--output", "the file of --output", options.output_path},
+                        {"--save-state", "--save-state", options.save_state_path},
+                        {"--events", "--events", options.events_path},
+                        {"--curves", "--curves", options.curves_path}};
+  const auto refuse = [](const File& written, const File& other) {
     std::error_code ignored;
     if (written.path.empty() || other.path.empty()) return;
     if (written.path != other.path &&
         !std::filesystem::equivalent(written.path, other.path, ignored)) {
       return;
     }
-    throw UsageError(std::string(option) + ": " + inQuotes(written.path) + " is " + other.what);
+    throw UsageError(written.option + (": " + inQuotes(written.path)) + " is " + other.what);
   };
-  for (const File& other : {scene, commands}) {
-    refuse("--output", output, other);
-    refuse("--save-state", state, other);
-    refuse("--events", events, other);
-  }
-  refuse("--output", output, {"the file of --from-state", options.from_state_path});
-  refuse("--save-state", state, output);
-  for (const File& other : {output, state}) refuse("--events", events, other);
-  const File curves{"--curves", options.curves_path};
-  for (const File& other : {scene, commands, output, state, events}) {
-    refuse("--curves", curves, other);
+  const File* const output = files + 2;
+  refuse(*output, {"--from-state", "the file of --from-state", options.from_state_path});
+  for (const File* written = output; written != std::end(files); ++written) {
+    for (const File* other = files; other != written; ++other) refuse(*written, *other);
   }
 }
 
@@ -249,11 +241,9 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   parser.flag("--check-minimum", options.check_minimum);
   parser.text("--curves", options.curves_path);
   parser.take("--sensitivity", [&](const std::string& word) {
-    for (std::size_t begin = 0; begin <= word.size();) {
-      const std::size_t end = std::min(word.find(',', begin), word.size());
-      options.sensitivity.push_back(word.substr(begin, end - begin));
-      if (begin == end) throw UsageError("--sensitivity: a path is empty");
-      begin = end + 1;
+    for (const std::string& path : splitAt(word, ',')) {
+      if (path.empty()) throw UsageError("--sensitivity: a path is empty");
+      options.sensitivity.push_back(path);
     }
   });
   parser.flag("--compare-principles", options.compare_principles);

@@ -1,9 +1,10 @@
-/// Linear models as text.
+/// Linear models and steady states for the command line and for Python.
 #pragma once
 
 #include <string>
 
 #include "variator_sim/linear_model.h"
+#include "variator_sim/motion_state.h"
 
 namespace variator_sim {
 
@@ -15,5 +16,12 @@ std::string endingOfModel(const std::string& path);
 
 /// Returns the model as CSV, matrix,row,column,value, a line per entry, without loss of digits.
 std::string writeModel(const LinearModel& model);
+
+/// Returns a state from which a motion can continue, its inputs constant.
+MotionState makeState(const OperatingPoint& point, const Scene& scene);
+
+/// Returns "stable, ..." or "unstable: ...", by the eigenvalues of the linear model there, or why
+/// that is not known.
+std::string describeStability(const Scene& scene, const OperatingPoint& point);
 
 }  // namespace variator_sim

@@ -1,8 +1,8 @@
-#include "tools/linear_model_file.h"
+#include "tools/analysis_text.h"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <limits>
 #include <vector>
 
 #include "model/number_text.h"
@@ -42,10 +42,7 @@ std::size_t longest(const Names& names) {
 }
 
 std::string format(const char* pattern, double value) {
-  const DotLocale dot;
-  char text[64];
-  std::snprintf(text, sizeof text, pattern, value == 0.0 ? 0.0 : value);
-  return text;
+  return printed(pattern, value == 0.0 ? 0.0 : value);
 }
 
 std::string pad(std::string text, std::size_t width) {
@@ -143,6 +140,37 @@ std::string writeModel(const LinearModel& model) {
     }
   }
   return text;
+}
+
+MotionState makeState(const OperatingPoint& point, const Scene& scene) {
+  MotionState state;
+  state.time = point.time;
+  std::copy(point.angle.begin(), point.angle.end(), state.angle);
+  std::copy(point.velocity.begin(), point.velocity.end(), state.velocity);
+  std::copy(point.acceleration.begin(), point.acceleration.end(), state.acceleration);
+  for (std::size_t i = 0; i < scene.inputs.size(); ++i) {
+    CommandInputSettings input = scene.inputs[i];
+    input.initial = point.input[i];
+    state.signal[i].reset(input);
+    state.last_command[i] = std::numeric_limits<double>::infinity();
+  }
+  return state;
+}
+
+std::string describeStability(const Scene& scene, const OperatingPoint& point) {
+  try {
+    const auto eigenvalues = calcEigenvalues(linearize(scene, point));
+    double growth = 0.0;
+    double fastest = 0.0;
+    for (const std::complex<double>& value : eigenvalues) {
+      growth = std::max(growth, value.real());
+      fastest = std::max(fastest, std::abs(value));
+    }
+    if (growth <= 1e-7 * fastest) return "stable, integrators apart";
+    return "unstable: deviations grow with " + formatNumber(growth) + " 1/s";
+  } catch (const SceneError& error) {
+    return std::string("no linear model: ") + error.what();
+  }
 }
 
 }  // namespace variator_sim

@@ -1,4 +1,4 @@
-#include "tools/python_file.h"
+#include "tools/output.h"
 
 #include <spawn.h>
 #include <sys/wait.h>
@@ -9,11 +9,30 @@
 #include <cstring>
 #include <filesystem>
 #include <memory>
+#include <system_error>
 
 #include "io/whole_file.h"
-#include "tools/sample_writer.h"
+#include "variator_sim/io/yaml_text.h"
+#include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/simulation.h"
 
 namespace variator_sim {
+
+void failedToWrite(const std::string& name) {
+  const int error = errno;
+  const std::string message = name + ": " + std::generic_category().message(error);
+  if (error == EPIPE) throw OutputClosed(message);
+  throw OutputError(message);
+}
+
+void writeOutput(const std::string& path, const std::string& text) {
+  if (path.empty()) {
+    if (!writeBytes(STDOUT_FILENO, text.data(), text.size())) failedToWrite("standard output");
+    return;
+  }
+  const std::string reason = writeWholeFile(path, text);
+  if (!reason.empty()) throw OutputError(path + ": cannot be written: " + reason);
+}
 
 std::string runPythonFile(const std::string& name, std::string argument, const std::string& text) {
   using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
@@ -50,6 +69,28 @@ std::string runPythonFile(const std::string& name, std::string argument, const s
   }
   if (status == 0) return content;
   throw OutputError(content.empty() ? python + " " + file + " failed" : content);
+}
+
+void readStateFile(const std::string& path, Simulation& simulation) {
+  const ParameterTree tree = readYamlFile(path);
+  MotionState present;
+  if (!simulation.saveState(&present)) throw SceneError("", simulation.describeStatus());
+  const Scene& scene = simulation.scene();
+  fromSource(path, [&] {
+    const MotionState state = readMotionState(tree, scene, present);
+    const std::string fault = simulation.setState(state, scene.initial.project);
+    if (!fault.empty()) throw SceneError("", fault);
+  });
+}
+
+void writeStateFile(const std::string& path, const MotionState& state,
+                    const Simulation& simulation) {
+  writeOutput(
+      path,
+      "# The state of a motion: s, rad, rad/s, rad/s^2, N m, J. What is left out when it is read "
+      "is\n"
+      "# as the scene has it; without 'history' the motion starts there anew.\n" +
+          toYaml(toTree(state, simulation.scene())));
 }
 
 }  // namespace variator_sim

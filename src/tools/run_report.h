@@ -1,7 +1,10 @@
-/// A progress line on a terminal.
+/// Tells of a run on standard error: a progress line, and the figures of `simulate --stats`.
 #pragma once
 
 #include <chrono>
+#include <cstdint>
+
+#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 
@@ -28,5 +31,16 @@ class ProgressBar {
   Clock::time_point start_ = Clock::now();
   Clock::time_point next_drawing_ = start_ + std::chrono::seconds(1);
 };
+
+/// Wall time, s, of each part of the run.
+struct WallTimes {
+  double simulation = 0.0;  ///< stepping and samples
+  double sampling = 0.0;    ///< the samples' part of it
+  double output = 0.0;      ///< formatting and writing
+};
+
+/// Prints to standard error. `tracks_energy`: the energies were integrated.
+void printStatistics(Simulation& simulation, bool tracks_energy, const WallTimes& wall,
+                     std::uint64_t samples);
 
 }  // namespace variator_sim
