@@ -18,7 +18,7 @@ LoopSnapshot running() {
 
 HealthCounts aSecond() {
   HealthCounts counts;
-  counts.ticks = 1000;
+  counts.pacing.ticks = 1000;
   return counts;
 }
 
@@ -43,19 +43,19 @@ TEST(Health, AStopIsAnErrorWhateverElse) {
   snapshot.state = RunState::kStopped;
   snapshot.reason = StopReason::kSingularConstraint;
   HealthCounts now = aSecond();
-  now.commands_refused = 3;
+  now.statistics.commands_refused = 3;
   expectHealth(judgeHealth(snapshot, now, {}), HealthLevel::kError, "stopped: SingularConstraint");
 }
 
 TEST(Health, AFewOverrunsAreWell) {
   HealthCounts before;
-  before.ticks = 5000;
-  before.overruns = 500;
+  before.pacing.ticks = 5000;
+  before.pacing.overruns = 500;
   HealthCounts now = before;
-  now.ticks += 1000;
-  now.overruns += 10;
+  now.pacing.ticks += 1000;
+  now.pacing.overruns += 10;
   expectHealth(judgeHealth(running(), now, before), HealthLevel::kOk, "running");
-  now.overruns += 1;
+  now.pacing.overruns += 1;
   expectHealth(judgeHealth(running(), now, before), HealthLevel::kWarn, "11 of 1000 ticks overran");
 }
 
@@ -74,9 +74,9 @@ TEST(Health, NamesAllThatIsWrong) {
   LoopSnapshot snapshot = running();
   snapshot.waiting_for_clock = true;
   HealthCounts now = aSecond();
-  now.lost_time = 1;
-  now.commands_refused = 1;
-  now.command_timeouts = 2;
+  now.pacing.lost_time = 1;
+  now.statistics.commands_refused = 1;
+  now.statistics.command_timeouts = 2;
   now.commands_dropped = 3;
   now.samples_dropped = 4;
   expectHealth(judgeHealth(snapshot, now, {}), HealthLevel::kWarn,
@@ -89,10 +89,10 @@ TEST(Health, NamesAllThatIsWrong) {
 
 TEST(Health, CountsAfterAResetBeginAtZero) {
   HealthCounts before = aSecond();
-  before.commands_refused = 5;
+  before.statistics.commands_refused = 5;
   HealthCounts now = aSecond();
   EXPECT_EQ(judgeHealth(running(), now, before).level, HealthLevel::kOk);
-  now.commands_refused = 2;
+  now.statistics.commands_refused = 2;
   expectHealth(judgeHealth(running(), now, before), HealthLevel::kWarn, "2 commands refused");
 }
 

@@ -9,8 +9,8 @@
 #include <stdexcept>
 #include <thread>
 
-#include "ros/event_descriptor.h"
 #include "ros/poll_thread_task.h"
+#include "ros/wakeup.h"
 
 namespace variator_sim {
 namespace {

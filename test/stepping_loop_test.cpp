@@ -8,7 +8,6 @@
 #include <thread>
 
 #include "ros/nanoseconds.h"
-#include "ros/state_exchange.h"
 #include "support/scenes.h"
 
 namespace {
@@ -373,7 +372,7 @@ TEST(SteppingLoop, TellsItsRealTimeFactorAndLateness) {
   EXPECT_EQ(snapshot.state, RunState::kRunning);
   EXPECT_NEAR(snapshot.real_time_factor, 4.0, 1e-3);
   EXPECT_EQ(snapshot.pacing.overruns, 0u);
-  EXPECT_EQ(snapshot.lateness_max, 0);
+  EXPECT_EQ(snapshot.lateness.max, 0);
 }
 
 // --- ticks inside a step -----------------------------------------------------------------------
@@ -840,8 +839,8 @@ TEST(SteppingLoop, ServesRequestsFromWhicheverThread) {
       LoopRequest step;
       step.kind = RequestKind::kStep;
       step.duration = 1000000;
-      step.command_count = 1;
-      step.commands[0] = {0, 0.5 * i};
+      step.group.count = 1;
+      step.group.commands[0] = {0, 0.5 * i};
       commands += 2;
       const LoopAnswer answer = loop.submit(step);
       ASSERT_EQ(answer.result, RequestResult::kDone);

@@ -1,7 +1,5 @@
 #include "ros/health.h"
 
-#include <cstdio>
-
 #include "model/number_text.h"
 
 namespace variator_sim {
@@ -34,23 +32,23 @@ Health judgeHealth(const LoopSnapshot& snapshot, const HealthCounts& now,
   };
   if (snapshot.is_preparing) blame("preparing: the formulas are being compiled");
   if (snapshot.waiting_for_clock) blame("waiting for /clock");
-  if (now.lost_time > before.lost_time) blame("fell behind its clock for good");
-  const std::uint64_t overruns = added(now.overruns, before.overruns);
-  const std::uint64_t ticks = added(now.ticks, before.ticks);
+  if (now.pacing.lost_time > before.pacing.lost_time) blame("fell behind its clock for good");
+  const std::uint64_t overruns = added(now.pacing.overruns, before.pacing.overruns);
+  const std::uint64_t ticks = added(now.pacing.ticks, before.pacing.ticks);
   if (static_cast<double>(overruns) > kManyOverruns * static_cast<double>(ticks)) {
     blame(std::to_string(overruns) + " of " + std::to_string(ticks) + " ticks overran");
   }
   // 0 is not measured yet.
   if (snapshot.real_time_factor > 0.0 &&
       snapshot.real_time_factor < kSlow * snapshot.wanted_factor) {
-    const DotLocale dot;
-    char text[96];
-    std::snprintf(text, sizeof(text), "real-time factor %.3g instead of %.3g",
-                  snapshot.real_time_factor, snapshot.wanted_factor);
-    blame(text);
+    blame(printed("real-time factor %.3g instead of %.3g", snapshot.real_time_factor,
+                  snapshot.wanted_factor));
   }
-  blameCount(added(now.commands_refused, before.commands_refused), " commands refused");
-  blameCount(added(now.command_timeouts, before.command_timeouts), " inputs without a command");
+  const Statistics& counts = now.statistics;
+  blameCount(added(counts.commands_refused, before.statistics.commands_refused),
+             " commands refused");
+  blameCount(added(counts.command_timeouts, before.statistics.command_timeouts),
+             " inputs without a command");
   blameCount(added(now.commands_dropped, before.commands_dropped), " commands dropped");
   blameCount(added(now.samples_dropped, before.samples_dropped), " samples dropped");
   if (!wrong.empty()) return {HealthLevel::kWarn, wrong};

@@ -8,6 +8,7 @@
 
 namespace variator_sim {
 
+/// Numbered as in diagnostic_msgs/DiagnosticStatus.
 enum class HealthLevel : std::uint8_t { kOk, kWarn, kError };
 
 struct Health {
@@ -17,11 +18,8 @@ struct Health {
 
 /// Counters since the node's start or the last reset.
 struct HealthCounts {
-  std::uint64_t ticks = 0;
-  std::uint64_t overruns = 0;
-  std::int64_t lost_time = 0;  ///< ns
-  std::uint64_t commands_refused = 0;
-  std::uint64_t command_timeouts = 0;
+  Pacer::Counters pacing;
+  Statistics statistics;
   std::uint64_t commands_dropped = 0;
   std::uint64_t samples_dropped = 0;
 };

@@ -6,13 +6,19 @@
 
 namespace variator_sim {
 
+/// Quantiles and the maximum, ns.
+struct Lateness {
+  std::int64_t p50 = 0;
+  std::int64_t p99 = 0;
+  std::int64_t max = 0;
+};
+
 /// A histogram of durations in ns: 32 bins per factor of two, so that a quantile is known to 3.1 %,
 /// and mostly far better; nothing is allocated. [loop]
 class LatenessHistogram {
  public:
   void add(std::int64_t lateness);
   void clear();
-  /// Adds all counts of `other`.
   void merge(const LatenessHistogram& other);
   std::uint64_t count() const { return count_; }
   /// The quantile (0 < fraction <= 1), as if the entries of its bin lay evenly there, never above

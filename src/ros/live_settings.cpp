@@ -1,6 +1,5 @@
 #include "ros/live_settings.h"
 
-#include "ros/node_settings.h"
 #include "ros/stepping_loop.h"
 
 namespace variator_sim {

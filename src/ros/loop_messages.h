@@ -5,14 +5,18 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
+#include "ros/lateness.h"
 #include "ros/pacer.h"
+#include "variator_sim/motion_state.h"
 #include "variator_sim/quantity_group.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/status.h"
-#include "variator_sim/types.h"
 
 namespace variator_sim {
+
+class Simulation;
 
 enum class RunState : std::uint8_t { kRunning, kPaused, kSleeping, kStopped };
 
@@ -31,14 +35,24 @@ class QuantityGroups {
   unsigned bits_ = 0;
 };
 
-struct StateExchange;
-
 /// A command on its way to an input of the scene.
 struct InputCommand {
   static constexpr int kRefused = -1;  ///< replaces a command that was rejected on its way
   int input = 0;
   double value = 0.0;
 };
+
+/// Commands for different inputs at one instant.
+struct CommandGroup {
+  int count = 0;
+  std::array<InputCommand, kMaxInputs> commands{};
+};
+
+/// Finds the inputs of all commands, by their topics, before any takes effect. Returns why they are
+/// rejected, or "".
+std::string readCommands(const std::vector<CommandInputSettings>& inputs,
+                         const std::vector<std::string>& topics, const std::vector<double>& values,
+                         CommandGroup& group);
 
 /// A sample with its times.
 struct TimedSample {
@@ -68,9 +82,7 @@ struct LoopSnapshot {
   double real_time_factor = 0.0;   ///< measured
   double wanted_factor = 0.0;      ///< 0: unpaced, or a clock is followed
   Pacer::Counters pacing;
-  std::int64_t lateness_p50 = 0;  ///< ns, as the next two
-  std::int64_t lateness_p99 = 0;
-  std::int64_t lateness_max = 0;
+  Lateness lateness;
   Statistics statistics;
   EnergyDoubt energy_doubt;
   std::array<double, kMaxConstraints> residual{};  ///< when last sampled: about ten times a second
@@ -81,6 +93,21 @@ struct LoopSnapshot {
 struct StopMessage {
   std::array<char, 1024> text{};
 };
+
+/// A request, owned by its caller, and by the stepping thread while that serves it.
+struct StateExchange {
+  // To be set.
+  ParameterTree change = ParameterTree::dictionary();  ///< of readMotionState
+  std::vector<double> angle;  ///< as many as there are shafts, or none, as the next two
+  std::vector<double> velocity;
+  std::vector<double> acceleration;
+  bool project = false;
+  // Saved.
+  MotionState state;
+};
+
+/// Sets the requested state. Returns "", or why not: then the motion is unchanged. Allocates.
+std::string changeState(Simulation& simulation, const StateExchange& exchange);
 
 enum class RequestKind { kPause, kResume, kReset, kResetTime, kStep, kGetState, kSetState };
 enum class RequestResult {
@@ -95,9 +122,8 @@ enum class RequestResult {
 
 struct LoopRequest {
   RequestKind kind = RequestKind::kPause;
-  std::int64_t duration = 0;  ///< of kStep, ns > 0
-  int command_count = 0;      ///< of kStep
-  std::array<InputCommand, kMaxInputs> commands{};
+  std::int64_t duration = 0;                ///< of kStep, ns > 0
+  CommandGroup group;                       ///< of kStep
   std::shared_ptr<StateExchange> exchange;  ///< of kGetState and kSetState
 };
 

@@ -1,11 +1,33 @@
 // Requests of other threads: their way to the stepping loop, and its answers.
 #include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
 
 #include "ros/nanoseconds.h"
 #include "ros/stepping_loop.h"
 #include "variator_sim/interruption.h"
 
 namespace variator_sim {
+namespace {
+
+/// Far from the ends of 64-bit nanoseconds.
+constexpr double kLatest = 1e9;  // s
+
+void checkTime(double time) {
+  if (!(time <= kLatest)) {
+    throw SceneError("time", formatNumber(time) + " s; allowed: from 0 to 1e9 s");
+  }
+  const double nearest = toSeconds(toCount(time * kNanosecondsPerSecond));
+  if (nearest == time) return;
+  throw SceneError("time",
+                   formatNumber(time) +
+                       " s; allowed: whole nanoseconds, as the node keeps time; the nearest "
+                       "is " +
+                       formatNumber(nearest) + " s");
+}
+
+}  // namespace
 
 std::string LoopAnswer::describeFault() const {
   switch (result) {
@@ -23,6 +45,34 @@ std::string LoopAnswer::describeFault() const {
       return "simulated time has come to the end of its range; call ~reset_time";
     case RequestResult::kShutDown:
       return "the node is shutting down";
+  }
+  return "";
+}
+
+std::string readCommands(const std::vector<CommandInputSettings>& inputs,
+                         const std::vector<std::string>& topics, const std::vector<double>& values,
+                         CommandGroup& group) {
+  if (topics.size() != values.size()) {
+    return "there are " + std::to_string(topics.size()) + " command topics and " +
+           std::to_string(values.size()) + " values";
+  }
+  group.count = 0;
+  std::array<bool, kMaxInputs> seen{};
+  for (std::size_t i = 0; i < topics.size(); ++i) {
+    int input = 0;
+    try {
+      input = findInput(inputs, topics[i]);
+    } catch (const std::invalid_argument& error) {
+      return error.what();
+    }
+    if (std::exchange(seen[static_cast<std::size_t>(input)], true)) {
+      return "command topic " + inQuotes(topics[i]) + " is given twice";
+    }
+    if (!std::isfinite(values[i])) {
+      return "the command for " + inQuotes(topics[i]) + " is " + formatReal(values[i]) +
+             "; it must be finite";
+    }
+    group.commands[static_cast<std::size_t>(group.count++)] = {input, values[i]};
   }
   return "";
 }
@@ -125,8 +175,8 @@ void SteppingLoop::serveStep() {
     return;
   }
   applyCommands();
-  for (int i = 0; i < request_.command_count; ++i) {
-    applyCommand(request_.commands[static_cast<std::size_t>(i)]);
+  for (int i = 0; i < request_.group.count; ++i) {
+    applyCommand(request_.group.commands[static_cast<std::size_t>(i)]);
   }
   const std::int64_t end = present_ + request_.duration;
   present_ = end;
@@ -137,6 +187,47 @@ void SteppingLoop::serveStep() {
   answer_.sample = takeSample();
   // noticeStop reports a stop with its sample.
   if (simulation_.status().ok() && samples_wanted_.load(std::memory_order_relaxed)) {
+    handOver(answer_.sample);
+  }
+}
+
+std::string changeState(Simulation& simulation, const StateExchange& exchange) {
+  MotionState present;
+  if (!simulation.saveState(&present)) return simulation.describeStatus();
+  try {
+    MotionState wanted = readMotionState(exchange.change, simulation.scene(), present);
+    const auto take = [&](const std::vector<double>& values, double* to) {
+      if (values.empty()) return false;
+      std::copy(values.begin(), values.end(), to);
+      wanted.history.exists = false;
+      return true;
+    };
+    take(exchange.angle, wanted.angle);
+    take(exchange.velocity, wanted.velocity);
+    if (take(exchange.acceleration, wanted.acceleration)) wanted.is_acceleration_given = true;
+    checkTime(wanted.time);
+    return simulation.setState(wanted, exchange.project);
+  } catch (const SceneError& error) {
+    return error.what();
+  }
+}
+
+void SteppingLoop::serveState() {
+  applyCommands();
+  quiet_until_ = 0;
+  if (simulation_.status().ok() && request_.kind == RequestKind::kGetState) {
+    simulation_.saveState(&request_.exchange->state);
+  } else if (simulation_.status().ok()) {
+    const std::int64_t shown = sampleTime();
+    answer_.message = changeState(simulation_, *request_.exchange);
+    if (!answer_.message.empty()) answer_.result = RequestResult::kRefused;
+    // Time of samples never goes back.
+    present_ = std::llround(simulation_.time() * kNanosecondsPerSecond);
+    offset_ = shown - present_;
+    anchor();
+  }
+  answer_.sample = takeSample();
+  if (request_.kind == RequestKind::kSetState && samples_wanted_.load(std::memory_order_relaxed)) {
     handOver(answer_.sample);
   }
 }

@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "variator_sim/io/yaml_text.h"
-#include "variator_sim/scene.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {

@@ -12,9 +12,6 @@
 #include <cstdint>
 
 #include "ros/loop_messages.h"
-#include "variator_sim/quantity_group.h"
-#include "variator_sim/sample.h"
-#include "variator_sim/status.h"
 
 namespace variator_sim {
 

@@ -23,33 +23,26 @@ std::string findFaultOfRealTimeFactor(double factor) {
 
 std::string findFaultOfPublishRate(double rate, double tick_rate) {
   if (rate >= kSlowestPublishRate && rate <= tick_rate) return "";
-  return " Hz is not allowed: from 0.001 to tick_rate (" + ParameterTree::real(tick_rate).toText() +
+  return " Hz is not allowed: from 0.001 to tick_rate (" + formatReal(tick_rate) +
          " Hz; states are taken at ticks only)";
 }
 
 NodeSettings readNodeSettings(const ParameterTree& tree) {
   NodeSettings settings;
   ParameterReader reader(tree, "");
-
+  const auto check = [](const char* key, double value, const std::string& fault) {
+    if (!fault.empty()) throw SceneError(key, formatReal(value) + fault);
+  };
   settings.tick_rate = reader.number(
       "tick_rate", Range::between(kSlowestTickRate, kFastestTickRate, "Hz"), settings.tick_rate);
-
   settings.publish_rate = reader.number("publish_rate", Range::any("Hz"),
                                         std::min(settings.publish_rate, settings.tick_rate));
-  const std::string rate_fault = findFaultOfPublishRate(settings.publish_rate, settings.tick_rate);
-  if (!rate_fault.empty()) {
-    throw SceneError("publish_rate",
-                     ParameterTree::real(settings.publish_rate).toText() + rate_fault);
-  }
-
+  check("publish_rate", settings.publish_rate,
+        findFaultOfPublishRate(settings.publish_rate, settings.tick_rate));
   settings.real_time_factor = reader.number(
       "real_time_factor", Range::between(0.0, kGreatestRealTimeFactor), settings.real_time_factor);
-  const std::string fault = findFaultOfRealTimeFactor(settings.real_time_factor);
-  if (!fault.empty()) {
-    throw SceneError("real_time_factor",
-                     ParameterTree::real(settings.real_time_factor).toText() + fault);
-  }
-
+  check("real_time_factor", settings.real_time_factor,
+        findFaultOfRealTimeFactor(settings.real_time_factor));
   settings.publish_clock = reader.boolean("publish_clock", settings.publish_clock);
   settings.start_paused = reader.boolean("start_paused", settings.start_paused);
   settings.realtime_priority =

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "ros/semaphore.h"
+#include "ros/wakeup.h"
 
 namespace variator_sim {
 
@@ -29,7 +29,6 @@ class PacingClock {
 
   /// False until the clock has shown its first time.
   virtual bool hasStarted() { return true; }
-  /// Number of backward jumps.
   virtual std::uint64_t jumpsBack() { return 0; }
   /// True when another process moves this clock: by steps, at any speed, with pauses.
   virtual bool isFollowed() const { return false; }

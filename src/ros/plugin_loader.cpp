@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "variator_sim/nearest_name.h"
+
 namespace variator_sim {
 namespace {
 
@@ -41,7 +43,7 @@ class LazyLoader {
     const std::lock_guard<std::mutex> lock(g_plugins);
     try {
       for (const std::string& type : loader().getDeclaredClasses()) {
-        if (std::find(types.begin(), types.end(), type) == types.end()) types.push_back(type);
+        if (!contains(types, type)) types.push_back(type);
       }
     } catch (const std::runtime_error&) {
       // Packages cannot be searched, so the list has the built-in types only.

@@ -4,7 +4,7 @@
 #include <functional>
 #include <memory>
 
-#include "ros/event_descriptor.h"
+#include "ros/wakeup.h"
 
 namespace variator_sim {
 

@@ -11,7 +11,6 @@
 #include <utility>
 #include <vector>
 
-#include "ros/message_conversion.h"
 #include "ros/plugin_loader.h"
 #include "ros/simulation_server.h"
 #include "ros/xmlrpc_tree.h"
@@ -19,7 +18,6 @@
 #include "variator_sim/io/override_text.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/nearest_name.h"
-#include "variator_sim/node_names.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
@@ -70,18 +68,16 @@ class EarlyStatus {
   std::thread thread_;
 };
 
-std::string join(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text.empty() ? "none" : text;
+std::string listed(const std::vector<std::string>& names) {
+  return names.empty() ? "none" : join(names, ", ");
 }
 
 /// Finds the files of a scene beside it, in the folder that the parameter scene_folder names, or
 /// else in the working folder. Throws SceneError where neither has one.
 void findFiles(ParameterTree* tree) {
   namespace fs = std::filesystem;
-  const auto given = tree->asDictionary().find("scene_folder");
-  const std::string folder = given != tree->asDictionary().end() ? given->second.asText() : "";
+  const ParameterTree* const given = std::as_const(*tree).find("scene_folder");
+  const std::string folder = given != nullptr ? given->asText() : "";
   placeFiles(tree, [&](const std::string& name, const std::string& file) {
     std::vector<fs::path> places = {fs::current_path() / file};
     if (!folder.empty()) places.insert(places.begin(), fs::path(folder) / file);
@@ -119,8 +115,8 @@ std::string describeReady(const SceneInfo& scene, const std::string& machine_cod
   for (const std::string& input : scene.inputs) {
     topics.push_back(private_handle.resolveName(input));
   }
-  std::string text = "ready: shafts " + join(scene.shafts) + "; constraints " +
-                     join(scene.constraints) + "; inputs " + join(topics) + "; principle " +
+  std::string text = "ready: shafts " + listed(scene.shafts) + "; constraints " +
+                     listed(scene.constraints) + "; inputs " + listed(topics) + "; principle " +
                      scene.principle + "; stepper " + scene.stepper + "; formulas run by " +
                      machine_code;
   if (settings.start_paused) text += "; paused, ~resume or ~step moves it";

@@ -4,10 +4,8 @@
 #include <cmath>
 #include <memory>
 
-#include "ros/command_names.h"
 #include "ros/message_conversion.h"
 #include "ros/nanoseconds.h"
-#include "ros/state_exchange.h"
 #include "ros/stepping_loop.h"
 #include "variator_sim/io/yaml_text.h"
 #include "variator_sim/io/yaml_tree.h"
@@ -73,19 +71,13 @@ void Services::advertise(ros::NodeHandle& private_handle, ros::NodeHandle& pause
 }
 
 std::string Services::read(const Step::Request& message, LoopRequest& request) const {
-  const std::string duration =
-      "duration is " + ParameterTree::real(message.duration).toText() + " s; ";
+  const std::string duration = "duration is " + formatReal(message.duration) + " s; ";
   if (!(message.duration > 0.0 && message.duration <= kLongestStep)) {
     return duration + "it must be above 0 and at most 1e6 s";
   }
   request.duration = std::llround(message.duration * kNanosecondsPerSecond);
   if (request.duration == 0) return duration + "simulated time is kept in whole nanoseconds";
-  CommandGroup group;
-  std::string fault =
-      readCommands(scene_.inputs, message.command_topics, message.command_values, group);
-  request.command_count = group.count;
-  request.commands = group.commands;
-  return fault;
+  return readCommands(scene_.inputs, message.command_topics, message.command_values, request.group);
 }
 
 std::string Services::read(const SetState::Request& message, StateExchange& exchange) const {

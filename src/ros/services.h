@@ -10,7 +10,6 @@
 
 #include "ros/checked_lists.h"
 #include "ros/loop_messages.h"
-#include "variator_sim/scene.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {

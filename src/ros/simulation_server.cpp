@@ -1,12 +1,17 @@
 #include "ros/simulation_server.h"
 
+#include <pthread.h>
+#include <sched.h>
+#include <sys/mman.h>
+
 #include <boost/function.hpp>
 #include <boost/make_shared.hpp>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <utility>
 
 #include "ros/nanoseconds.h"
-#include "ros/real_time.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/nearest_name.h"
 
@@ -31,9 +36,42 @@ void checkTopic(const CommandInputSettings& input) {
   }
 }
 
+// Real-time priority and locked memory of Linux. An ordinary user may lack the right to both; then
+// the node runs without them and logs it.
+
+/// Sets SCHED_FIFO with `priority` (1 to 99). Returns why not and the remedy, or "".
+std::string setRealTimePriority(std::thread& thread, int priority) {
+  sched_param parameters{};
+  parameters.sched_priority = priority;
+  const int error = pthread_setschedparam(thread.native_handle(), SCHED_FIFO, &parameters);
+  if (error == 0) return "";
+  return "realtime_priority " + std::to_string(priority) + " is not permitted (" +
+         std::strerror(error) +
+         "): going on without it. It needs root, CAP_SYS_NICE, or a line '<user> - rtprio 99' in "
+         "/etc/security/limits.conf.";
+}
+
+/// Locks the pages that the process has mapped by now, from their next use on. Later mappings are
+/// not locked: a running stepping loop maps nothing more, and a limit can fail no later allocation.
+/// Returns why not and the remedy, or "".
+std::string lockMemory() {
+  if (mlockall(MCL_CURRENT | MCL_ONFAULT) == 0) return "";
+  return std::string("lock_memory is not permitted (") + std::strerror(errno) +
+         "): going on without it. It needs root, CAP_IPC_LOCK, or a line '<user> - memlock "
+         "unlimited' in /etc/security/limits.conf.";
+}
+
 ClockRole roleFor(const NodeSettings& settings) {
   if (settings.publish_clock) return ClockRole::kOwner;
   return ros::Time::isSystemTime() ? ClockRole::kWall : ClockRole::kFollower;
+}
+
+std::vector<NamedValues> makeAllQuantities(const Simulation& simulation) {
+  std::vector<NamedValues> messages;
+  for (const QuantityGroup group : kQuantityGroups) {
+    messages.push_back(makeQuantities(simulation, group));
+  }
+  return messages;
 }
 
 /// Returns a handle whose callbacks, and those of handles made from it, come in the queue.
@@ -56,12 +94,7 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
       role_(roleFor(settings)),
       sharing_(sharing),
       state_message_(makeState(simulation.scene(), !simulation.describeErrorEstimate().empty())),
-      quantity_messages_{makeQuantities(simulation, kQuantityGroups[0]),
-                         makeQuantities(simulation, kQuantityGroups[1]),
-                         makeQuantities(simulation, kQuantityGroups[2]),
-                         makeQuantities(simulation, kQuantityGroups[3]),
-                         makeQuantities(simulation, kQuantityGroups[4]),
-                         makeQuantities(simulation, kQuantityGroups[5])},
+      quantity_messages_(makeAllQuantities(simulation)),
       joint_message_(makeJointState(simulation.scene())),
       services_(simulation, loop_),
       loop_(std::move(simulation), settings,
@@ -158,11 +191,9 @@ void SimulationServer::setUpClock() {
       clock_requested_.store(true);
       loop_.sampleNews().post();
     };
-    const ros::SubscriberStatusCallback refresh = [this](const ros::SingleSubscriberPublisher&) {
-      refreshDemand();
-    };
-    clock_publisher_ =
-        public_handle_.advertise<rosgraph_msgs::Clock>("/clock", kClockQueue, greet, refresh);
+    clock_publisher_ = public_handle_.advertise<rosgraph_msgs::Clock>(
+        "/clock", kClockQueue, greet,
+        [this](const ros::SingleSubscriberPublisher&) { refreshDemand(); });
     if (ros::Time::isSystemTime()) {
       ROS_WARN(
           "%s: publish_clock is true, but /use_sim_time is not: other nodes stay on the wall "
@@ -295,6 +326,15 @@ void SimulationServer::publish(const ros::Publisher& publisher, const Message& m
   }
 }
 
+template <class Message, class Fill>
+void SimulationServer::publishAt(const ros::Time& stamp, const ros::Publisher& publisher,
+                                 Message& message, const Fill& fill) const {
+  if (publisher.getNumSubscribers() == 0) return;
+  message.header.stamp = stamp;
+  fill(message);
+  publish(publisher, message);
+}
+
 void SimulationServer::publishEvents() {
   TimedEvent timed;
   while (loop_.popEvent(timed)) {
@@ -313,22 +353,16 @@ void SimulationServer::publishSamples() {
       publishClock();
     }
     const ros::Time stamp = stampOf(timed.time, timed.clock_time);
-    if (state_publisher_.getNumSubscribers() > 0) {
-      state_message_.header.stamp = stamp;
-      fillState(timed.sample, toSeconds(timed.time), state_message_);
-      publish(state_publisher_, state_message_);
-    }
+    const double time = toSeconds(timed.time);
+    publishAt(stamp, state_publisher_, state_message_,
+              [&](auto& message) { fillState(timed.sample, time, message); });
     publishQuantities(timed, stamp);
-    if (timed.has_energy && energy_publisher_.getNumSubscribers() > 0) {
-      energy_message_.header.stamp = stamp;
-      fillEnergy(timed.sample.energy, toSeconds(timed.time), energy_message_);
-      publish(energy_publisher_, energy_message_);
+    if (timed.has_energy) {
+      publishAt(stamp, energy_publisher_, energy_message_,
+                [&](auto& message) { fillEnergy(timed.sample.energy, time, message); });
     }
-    if (joint_publisher_.getNumSubscribers() > 0) {
-      joint_message_.header.stamp = stamp;
-      fillJointState(timed.sample, joint_message_);
-      publish(joint_publisher_, joint_message_);
-    }
+    publishAt(stamp, joint_publisher_, joint_message_,
+              [&](auto& message) { fillJointState(timed.sample, message); });
   }
   publishEvents();
   if (clock_requested_.exchange(false)) publishClock();
@@ -339,12 +373,8 @@ void SimulationServer::publishQuantities(const TimedSample& timed, const ros::Ti
   for (const QuantityGroup group : kQuantityGroups) {
     if (!timed.groups.has(group)) continue;
     NamedValues& message = quantity_messages_[static_cast<std::size_t>(group)];
-    const ros::Publisher& publisher = quantity_publishers_[static_cast<std::size_t>(group)];
-    if (publisher.getNumSubscribers() > 0) {
-      message.header.stamp = stamp;
-      fillQuantities(values, toSeconds(timed.time), message);
-      publish(publisher, message);
-    }
+    publishAt(stamp, quantity_publishers_[static_cast<std::size_t>(group)], message,
+              [&](auto& it) { fillQuantities(values, toSeconds(timed.time), it); });
     values += message.value.size();
   }
 }
@@ -368,9 +398,9 @@ void SimulationServer::publishStatus() {
   message.real_time_factor = snapshot_.real_time_factor;
   message.ticks = snapshot_.pacing.ticks;
   message.overruns = snapshot_.pacing.overruns;
-  message.lateness_p50 = toSeconds(snapshot_.lateness_p50);
-  message.lateness_p99 = toSeconds(snapshot_.lateness_p99);
-  message.lateness_max = toSeconds(snapshot_.lateness_max);
+  message.lateness_p50 = toSeconds(snapshot_.lateness.p50);
+  message.lateness_p99 = toSeconds(snapshot_.lateness.p99);
+  message.lateness_max = toSeconds(snapshot_.lateness.max);
   message.lost_wall_time = toSeconds(snapshot_.pacing.lost_time);
   fillStatistics(snapshot_.statistics, message);
   message.commands_dropped = loop_.droppedCommands();

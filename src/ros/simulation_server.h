@@ -15,17 +15,14 @@
 #include <vector>
 
 #include "ros/checked_lists.h"
-#include "ros/command_names.h"
 #include "ros/diagnostics.h"
 #include "ros/live_settings.h"
 #include "ros/message_conversion.h"
-#include "ros/node_settings.h"
 #include "ros/pacing_clock.h"
 #include "ros/poll_thread_task.h"
 #include "ros/server_from_parameters.h"
 #include "ros/services.h"
 #include "ros/stepping_loop.h"
-#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 
@@ -104,6 +101,10 @@ class SimulationServer {
 
   template <class Message>
   void publish(const ros::Publisher& publisher, const Message& message) const;
+  /// Stamps, fills in and publishes the message if there are subscribers.
+  template <class Message, class Fill>
+  void publishAt(const ros::Time& stamp, const ros::Publisher& publisher, Message& message,
+                 const Fill& fill) const;
 
   ros::CallbackQueue callback_queue_;
   ros::CallbackQueue pause_queue_;

@@ -297,7 +297,7 @@ void SteppingLoop::anchor() {
   samples_due_.countFrom(pacer_, clock_.now());
   moment_ = clock_.now();
   lateness_.clear();
-  lateness_p50_ = lateness_p99_ = lateness_max_ = 0;
+  last_lateness_ = {};
   slice_count_ = 0;
   const std::int64_t now = clock_.wallTime();
   slice_starts_[0] = {now, present_};
@@ -385,9 +385,7 @@ void SteppingLoop::endSliceIfDue(std::int64_t now) {
   slice_starts_[static_cast<std::size_t>(slice_count_ % kSlices)] = {now, present_};
   slice_end_ = std::max(slice_end_ + kSliceLength, now);
   const LatenessHistogram window = lateness_.total();
-  lateness_p50_ = window.quantile(0.5);
-  lateness_p99_ = window.quantile(0.99);
-  lateness_max_ = window.max();
+  last_lateness_ = {window.quantile(0.5), window.quantile(0.99), window.max()};
   catchUp();
   // Sampling, like a command, may make inputs jump, and a jump can fail.
   const Sample& sample = simulation_.sample();
@@ -410,9 +408,7 @@ void SteppingLoop::pushSnapshot(bool state_changed) {
   snapshot.is_preparing = is_preparing_;
   snapshot.residual = residual_;
   snapshot.pacing = pacer_.counters();
-  snapshot.lateness_p50 = lateness_p50_;
-  snapshot.lateness_p99 = lateness_p99_;
-  snapshot.lateness_max = lateness_max_;
+  snapshot.lateness = last_lateness_;
   snapshot.statistics = simulation_.statistics();
   snapshot.energy_doubt = simulation_.energyDoubt();
   if (snapshot.state == RunState::kStopped) {

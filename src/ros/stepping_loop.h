@@ -8,14 +8,11 @@
 #include <mutex>
 #include <vector>
 
-#include "ros/event_descriptor.h"
-#include "ros/lateness.h"
 #include "ros/loop_messages.h"
 #include "ros/node_settings.h"
-#include "ros/pacer.h"
 #include "ros/sample_ring.h"
 #include "ros/sample_schedule.h"
-#include "ros/semaphore.h"
+#include "ros/wakeup.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
@@ -75,7 +72,6 @@ class SteppingLoop {
     return samples_.pop(sample, quantities);
   }
   bool popEvent(TimedEvent& event) { return events_.pop(event); }
-  /// Number of quantities in all groups.
   std::size_t quantityCount() const { return quantities_.size(); }
   /// The event posted when there is a sample to pop.
   EventDescriptor& sampleNews() { return sample_news_; }
@@ -247,10 +243,7 @@ class SteppingLoop {
   double measured_factor_ = 0.0;
   std::array<double, kMaxConstraints> residual_{};
   LatenessWindow lateness_;
-  // Lateness in that window at the end of the last slice, ns.
-  std::int64_t lateness_p50_ = 0;
-  std::int64_t lateness_p99_ = 0;
-  std::int64_t lateness_max_ = 0;
+  Lateness last_lateness_;  ///< in that window at the end of the last slice
 };
 
 }  // namespace variator_sim

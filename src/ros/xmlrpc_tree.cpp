@@ -27,10 +27,7 @@ ParameterTree convert(XmlRpc::XmlRpcValue& value, const std::string& path) {
     case XmlRpc::XmlRpcValue::TypeStruct: {
       ParameterTree::Dictionary dictionary;
       for (auto& [key, entry] : value) {
-        std::string entry_path = path;
-        if (!path.empty()) entry_path.append("/");
-        entry_path.append(key);
-        dictionary.emplace(key, convert(entry, entry_path));
+        dictionary.emplace(key, convert(entry, entryPath(path, key)));
       }
       return ParameterTree::dictionary(std::move(dictionary));
     }

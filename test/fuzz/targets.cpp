@@ -17,7 +17,7 @@
 #include "fuzz/checks.h"
 #include "machine_code/kernel_library.h"
 #include "ros/checked_lists.h"
-#include "ros/command_names.h"
+#include "ros/loop_messages.h"
 #include "ros/node_settings.h"
 #include "ros/xmlrpc_tree.h"
 #include "variator_sim/component_factory.h"

@@ -1,6 +1,7 @@
-/// Waking a thread that polls file descriptors.
+/// Waking another thread without a lock.
 #pragma once
 
+#include <semaphore.h>
 #include <sys/eventfd.h>
 #include <unistd.h>
 
@@ -8,9 +9,42 @@
 #include <cstdint>
 #include <system_error>
 
+#include "ros/nanoseconds.h"
+
 namespace variator_sim {
 
-/// An eventfd: readable from the first `post` on until `clear`. `post` never blocks.
+/// A POSIX semaphore; `post` never blocks.
+class Semaphore {
+ public:
+  Semaphore() { sem_init(&semaphore_, 0, 0); }
+  ~Semaphore() { sem_destroy(&semaphore_); }
+  Semaphore(const Semaphore&) = delete;
+  Semaphore& operator=(const Semaphore&) = delete;
+
+  /// [loop]
+  void post() { sem_post(&semaphore_); }
+
+  void wait() {
+    while (sem_wait(&semaphore_) != 0 && errno == EINTR) {
+    }
+  }
+
+  /// Waits for a post or `deadline`, ns on CLOCK_MONOTONIC. Returns true when posted.
+  bool waitUntil(std::int64_t deadline) {
+    const timespec time = toTimespec(deadline);
+    int result = 0;
+    do {
+      result = sem_clockwait(&semaphore_, CLOCK_MONOTONIC, &time);
+    } while (result != 0 && errno == EINTR);
+    return result == 0;
+  }
+
+ private:
+  sem_t semaphore_;
+};
+
+/// An eventfd, for a thread that polls file descriptors: readable from the first `post` on until
+/// `clear`. `post` never blocks.
 class EventDescriptor {
  public:
   /// Throws std::system_error when the process has no descriptor left.
