@@ -8,7 +8,6 @@
 
 #include "python/named_sample.h"
 #include "variator_sim/linear_model.h"
-#include "variator_sim/simulation.h"
 #include "variator_sim/trim.h"
 
 namespace variator_sim::python {

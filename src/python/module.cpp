@@ -6,17 +6,13 @@
 
 #include <algorithm>
 #include <exception>
-#include <map>
 #include <memory>
 #include <string>
 #include <tuple>
 #include <vector>
 
 #include "model/table_file.h"
-#include "python/analysis.h"
-#include "python/fast_calls.h"
 #include "python/python_simulation.h"
-#include "python/sweep.h"
 #include "variator_sim/io/command_file.h"
 #include "variator_sim/io/yaml_text.h"
 
@@ -66,15 +62,6 @@ RunRequest makeRequest(double duration, double rate, const py::object& times,
 
 using MetricTuple = std::tuple<std::string, std::size_t, double>;
 
-Metric makeMetric(const MetricTuple& parts) {
-  static const std::map<std::string, MetricKind> kinds = {
-      {"final", MetricKind::kFinal},       {"min", MetricKind::kMinimum},
-      {"max", MetricKind::kMaximum},       {"mean", MetricKind::kMean},
-      {"integral", MetricKind::kIntegral}, {"settling", MetricKind::kSettlingTime}};
-  const auto& [kind, column, band] = parts;
-  return {kinds.at(kind), column, band};
-}
-
 /// Returns the values of the metrics, runs x metrics, and the runs' reasons.
 py::tuple sweepRows(const py::object& scene, const py::object& overrides,
                     const std::vector<std::string>& paths,
@@ -82,7 +69,7 @@ py::tuple sweepRows(const py::object& scene, const py::object& overrides,
                     const std::vector<MetricTuple>& metrics, int threads, bool compiles) {
   SweepRequest request{
       readSceneArgument(scene), readOverrides(overrides), paths, run, {}, compiles};
-  for (const MetricTuple& metric : metrics) request.metrics.push_back(makeMetric(metric));
+  for (const auto& [kind, column, band] : metrics) request.metrics.push_back({kind, column, band});
   PluginlibComponentFactory factory;
   std::vector<SweepRow> rows;
   withoutLock([&] { rows = runSweep(request, values, threads, factory); });
@@ -95,6 +82,70 @@ py::tuple sweepRows(const py::object& scene, const py::object& overrides,
   }
   return py::make_tuple(result, reasons);
 }
+
+// --- fast calls
+
+/// Returns the simulation of an object, or nullptr before its `__init__`.
+PythonSimulation* find(PyObject* self) {
+  const auto* const instance = reinterpret_cast<const py::detail::instance*>(self);
+  void* const* const values = instance->simple_layout ? instance->simple_value_holder
+                                                      : instance->nonsimple.values_and_holders;
+  return values == nullptr ? nullptr : static_cast<PythonSimulation*>(values[0]);
+}
+
+PyObject* advance(PythonSimulation& simulation, PyObject* duration) {
+  if (!PyFloat_CheckExact(duration)) return nullptr;
+  if (!simulation.tryAdvance(PyFloat_AS_DOUBLE(duration))) return nullptr;
+  Py_RETURN_NONE;
+}
+
+PyObject* read(PythonSimulation& simulation, PyObject* column) {
+  double value;
+  return simulation.tryRead(column, &value) ? PyFloat_FromDouble(value) : nullptr;
+}
+
+/// A method that tries `kShort`, which returns nullptr, without effect, if it does not apply.
+template <PyObject* (*kShort)(PythonSimulation&, PyObject*)>
+class FastCall {
+ public:
+  /// Replaces the method `name` permanently.
+  static void put(const py::object& type, const char* name) {
+    bound_ = py::object(type.attr(name)).release().ptr();
+    definition_ = {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(&call)),
+                   METH_FASTCALL | METH_KEYWORDS, nullptr};
+    auto* const python_type = reinterpret_cast<PyTypeObject*>(type.ptr());
+    type.attr(name) =
+        py::reinterpret_steal<py::object>(PyDescr_NewMethod(python_type, &definition_));
+  }
+
+ private:
+  static PyObject* call(PyObject* self, PyObject* const* arguments, Py_ssize_t count,
+                        PyObject* names) {
+    if (count == 1 && names == nullptr) {
+      PythonSimulation* const simulation = find(self);
+      if (simulation != nullptr) {
+        if (PyObject* const result = kShort(*simulation, arguments[0])) return result;
+      }
+    }
+    const Py_ssize_t named = names == nullptr ? 0 : PyTuple_GET_SIZE(names);
+    std::vector<PyObject*> all{self};
+    all.insert(all.end(), arguments, arguments + count + named);
+    return PyObject_Vectorcall(bound_, all.data(), static_cast<std::size_t>(count) + 1, names);
+  }
+
+  inline static PyObject* bound_ = nullptr;
+  inline static PyMethodDef definition_{};
+};
+
+/// Puts fast paths, past pybind11's dispatch, before `advance` and `[column]` of Simulation, which
+/// controllers in lockstep call a million times: for one argument of the expected type and no
+/// failure; other calls take the bound methods.
+void addFastCalls(const py::object& simulation_type) {
+  FastCall<&advance>::put(simulation_type, "advance");
+  FastCall<&read>::put(simulation_type, "__getitem__");
+}
+
+// --- bindings
 
 void translateErrors() {
   // (pybind11 calls it by value.) NOLINTNEXTLINE(performance-unnecessary-value-param)

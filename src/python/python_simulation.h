@@ -9,14 +9,11 @@
 #include <vector>
 
 #include "python/analysis.h"
-#include "python/named_sample.h"
-#include "python/session.h"
+#include "python/sweep.h"
 #include "python/trees.h"
 #include "ros/plugin_loader.h"
-#include "variator_sim/errors.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/io/yaml_tree.h"
-#include "variator_sim/message_text.h"
 #include "variator_sim/motion_state.h"
 
 namespace variator_sim::python {

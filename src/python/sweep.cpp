@@ -16,6 +16,7 @@
 
 #include "variator_sim/errors.h"
 #include "variator_sim/interruption.h"
+#include "variator_sim/io/override_text.h"
 #include "variator_sim/overrides.h"
 
 namespace variator_sim::python {
@@ -44,13 +45,6 @@ double calcIntegral(const std::vector<double>& rows, std::size_t width, std::siz
 double calcMean(const std::vector<double>& rows, std::size_t width, std::size_t column) {
   const double span = rows[rows.size() - width] - rows[0];
   return span > 0.0 ? calcIntegral(rows, width, column) / span : rows[column];
-}
-
-/// Returns true when no law calls an opaque function: there is no gradient to check.
-bool isOfFormulas(const Scene& scene) {
-  const auto is_formula = [](const auto& law) { return !law->callsOpaqueFunction(); };
-  return std::all_of(scene.torques.begin(), scene.torques.end(), is_formula) &&
-         std::all_of(scene.constraints.begin(), scene.constraints.end(), is_formula);
 }
 
 /// Machine code of some runs, never moved, which all rows share. A scene in which two numbers
@@ -135,7 +129,9 @@ class RowMachines {
 
   void inspect(const Scene& scene) {
     is_known_ = true;
-    if (!isOfFormulas(scene)) return;
+    for (const Law* law : scene.laws()) {
+      if (law->callsOpaqueFunction()) return;  // its gradients are checked in each row
+    }
     const std::vector<std::string>& paths = request_.paths;
     keeps_formulas_ = std::all_of(paths.begin(), paths.end(), [&](const std::string& path) {
       return isOutsideFormulas(path, scene);
@@ -180,26 +176,51 @@ SweepRow runRow(const SweepRequest& request, const std::vector<double>& values,
 
 }  // namespace
 
-double calcMetric(const Metric& metric, const std::vector<double>& rows, std::size_t column_count) {
-  if (rows.empty()) return kNaN;
-  const std::size_t width = column_count;
-  switch (metric.kind) {
-    case MetricKind::kFinal:
-      return rows[rows.size() - width + metric.column];
-    case MetricKind::kMean:
-      return calcMean(rows, width, metric.column);
-    case MetricKind::kIntegral:
-      return calcIntegral(rows, column_count, metric.column);
-    case MetricKind::kSettlingTime:
-      return calcSettlingTime(rows, width, metric.column, metric.band);
-    case MetricKind::kMinimum:
-    case MetricKind::kMaximum:
-      break;
+ParameterTree withOverrides(ParameterTree tree, const Overrides& overrides) {
+  applyOwnOverrides(tree);
+  for (const auto& [path, value] : overrides) setValue(tree, path, value);
+  return tree;
+}
+
+RunRows run(Simulation& simulation, const RunRequest& request, Sensitivity* sensitivity) {
+  const double begin = simulation.time();
+  const double end = begin + request.duration;
+  OfflineRun offline(simulation,
+                     request.has_times ? SampleTimes::at(request.times)
+                                       : SampleTimes::atRate(request.rate, begin, end),
+                     resolveCommands(request.commands, simulation.scene(), "commands"), end);
+  offline.observe(request.columns.quantities);
+  offline.differentiate(sensitivity);
+  if (request.until_rest) offline.endAtRest();
+  RunRows rows;
+  rows.ignored_commands = offline.ignoredCount() + offline.pastCount();
+  const RowMaker maker(simulation, request.columns);
+  SampleBlock samples;
+  samples.samples.reserve(OfflineRun::kBlockSize);
+  constexpr double kNoEnd = std::numeric_limits<double>::infinity();
+  for (bool more = true; more && !Interruption::isWanted();) {
+    more = offline.advanceBlock(kNoEnd, samples);
+    const double* quantities = samples.quantities.data();
+    for (const Sample& sample : samples.samples) {
+      rows.values.resize(rows.values.size() + maker.columnCount());
+      maker.write(sample, quantities,
+                  rows.values.data() + rows.values.size() - maker.columnCount());
+      quantities += maker.quantityCount();
+    }
   }
+  rows.events = offline.events();
+  return rows;
+}
+
+double calcMetric(const Metric& metric, const std::vector<double>& rows, std::size_t width) {
+  if (rows.empty()) return kNaN;
+  if (metric.kind == "final") return rows[rows.size() - width + metric.column];
+  if (metric.kind == "mean") return calcMean(rows, width, metric.column);
+  if (metric.kind == "integral") return calcIntegral(rows, width, metric.column);
+  if (metric.kind == "settling") return calcSettlingTime(rows, width, metric.column, metric.band);
   double extreme = rows[metric.column];
   for (std::size_t i = metric.column; i < rows.size(); i += width) {
-    const bool is_beyond =
-        metric.kind == MetricKind::kMinimum ? rows[i] < extreme : rows[i] > extreme;
+    const bool is_beyond = metric.kind == "min" ? rows[i] < extreme : rows[i] > extreme;
     if (is_beyond || std::isnan(rows[i])) extreme = rows[i];
   }
   return extreme;

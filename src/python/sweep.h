@@ -1,27 +1,55 @@
-/// Many runs of one scene with other values, on all cores. It does not depend on Python.
+/// Runs of one simulation, and many runs of one scene with other values, on all cores. It does not
+/// depend on Python, and is called with or without the interpreter's lock.
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "python/session.h"
+#include "tools/columns.h"
+#include "tools/sensitivity.h"
 
 namespace variator_sim::python {
 
-enum class MetricKind { kFinal, kMinimum, kMaximum, kMean, kIntegral, kSettlingTime };
+using Overrides = std::vector<std::pair<std::string, ParameterTree>>;
+
+/// Returns a scene's tree with these values in place of its own. Throws SceneError.
+ParameterTree withOverrides(ParameterTree tree, const Overrides& overrides);
+
+/// The request for a run.
+struct RunRequest {
+  double duration = 0.0;  ///< s, from the current time
+  double rate = 100.0;    ///< samples per second; unused when there are times
+  bool has_times = false;
+  std::vector<double> times;           ///< s, ascending
+  std::vector<TimedCommand> commands;  ///< ascending
+  ColumnGroups columns;
+  bool until_rest = false;
+};
+
+/// Rows of samples, one after the other.
+struct RunRows {
+  std::vector<double> values;
+  std::size_t ignored_commands = 0;  ///< those outside of the run
+  std::vector<ModeEvent> events;
+};
+
+/// Runs from the current time until the end, a stop or an interruption; `sensitivity`: adds its
+/// derivatives to the samples, or null. Throws CommandFileError.
+RunRows run(Simulation& simulation, const RunRequest& request, Sensitivity* sensitivity = nullptr);
 
 /// One number of a run, from one of its columns.
 struct Metric {
-  MetricKind kind = MetricKind::kFinal;
+  std::string kind;        ///< "final", "min", "max", "mean", "integral" or "settling"
   std::size_t column = 0;  ///< of RunRequest::columns
-  /// For kSettlingTime: half width of the settled band, as a part of the change, end minus start.
+  /// For "settling": half width of the settled band, as a part of the change, end minus start.
   double band = 0.02;
 };
 
-/// Evaluates `rows` of `column_count` values, the time first; NaN without rows. kMean, kIntegral:
-/// over time, by trapezoids. kSettlingTime: the first sample from which on the value stays within
+/// Evaluates `rows` of `width` values, the time first; NaN without rows. "mean" and "integral":
+/// over time, by trapezoids. "settling": the first sample from which on the value stays within
 /// the band around its last one, s since the start.
-double calcMetric(const Metric& metric, const std::vector<double>& rows, std::size_t column_count);
+double calcMetric(const Metric& metric, const std::vector<double>& rows, std::size_t width);
 
 struct SweepRequest {
   ParameterTree tree;
