@@ -4,11 +4,8 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
-#include <cstring>
 #include <memory>
-#include <numeric>
 #include <string>
-#include <type_traits>
 #include <vector>
 
 #include "tools/columns.h"
@@ -37,20 +34,11 @@ inline void refuseNew(const py::object& type) {
 /// Names of a scene's columns that a sample has, shared by all samples of a simulation.
 struct SampleNames {
   explicit SampleNames(const Simulation& simulation)
-      : names(columnNames(simulation, {})),
-        shafts(simulation.scene().shafts.size()),
+      : shafts(simulation.scene().shafts.size()),
         constraints(simulation.scene().constraints.size()) {
-    // Every column is one number of a sample; a sample of indices shows which.
-    constexpr std::size_t kNumbers = sizeof(Sample) / sizeof(double);
-    static_assert(std::is_standard_layout_v<Sample> && kNumbers * sizeof(double) == sizeof(Sample));
-    double numbers[kNumbers];
-    std::iota(numbers, numbers + kNumbers, 0.0);
-    Sample numbered;
-    std::memcpy(&numbered, numbers, sizeof(Sample));
-    std::vector<double> row(names.size());
-    RowMaker(simulation, {}).write(numbered, nullptr, row.data());
-    for (std::size_t i = 0; i < names.size(); ++i) {
-      places[py::str(names[i])] = static_cast<std::size_t>(row[i]);
+    for (const Column& column : listColumns(simulation, {})) {
+      names.push_back(column.name);
+      places[py::str(column.name)] = column.place;
     }
   }
 
@@ -61,8 +49,7 @@ struct SampleNames {
       PyErr_Clear();
       return false;
     }
-    const auto* const bytes = reinterpret_cast<const char*>(&sample);
-    std::memcpy(value, bytes + PyLong_AsSize_t(place) * sizeof(double), sizeof(double));
+    *value = numberAt(sample, PyLong_AsSize_t(place));
     return true;
   }
   double get(const Sample& sample, py::handle column) const {

@@ -1,7 +1,8 @@
 #include "tools/columns.h"
 
 #include <algorithm>
-#include <utility>
+#include <cstddef>
+#include <stdexcept>
 
 #include "variator_sim/nearest_name.h"
 #include "variator_sim/simulation.h"
@@ -9,11 +10,22 @@
 namespace variator_sim {
 namespace {
 
-constexpr const char* kShaftColumns[] = {"angle",           "velocity",
-                                         "acceleration",    "applied_torque",
-                                         "reaction_torque", "reaction_torque_rate"};
-/// Number of leading columns with an estimated error.
-constexpr int kEstimated = 3;
+/// A number that a sample has for every shaft or constraint, and where that of the first lies.
+struct SampleColumn {
+  const char* name;
+  std::size_t offset;
+  std::size_t error_offset = 0;  ///< of the estimated error, if there is one
+};
+constexpr SampleColumn kShaftColumns[] = {
+    {"/angle", offsetof(Sample, angle), offsetof(Sample, angle_error)},
+    {"/velocity", offsetof(Sample, velocity), offsetof(Sample, velocity_error)},
+    {"/acceleration", offsetof(Sample, acceleration), offsetof(Sample, acceleration_error)},
+    {"/applied_torque", offsetof(Sample, applied_torque)},
+    {"/reaction_torque", offsetof(Sample, reaction_torque)},
+    {"/reaction_torque_rate", offsetof(Sample, reaction_torque_rate)}};
+constexpr SampleColumn kConstraintColumns[] = {{"/residual", offsetof(Sample, residual)},
+                                               {"/multiplier", offsetof(Sample, multiplier)}};
+/// In the order of Energy.
 constexpr const char* kEnergyColumns[] = {"energy/kinetic", "energy/applied", "energy/reactions",
                                           "power/applied", "power/reactions"};
 
@@ -47,36 +59,49 @@ ColumnGroups readColumnGroups(const std::string& list) {
   return columns;
 }
 
-std::vector<std::string> columnNames(const Simulation& simulation, const ColumnGroups& groups) {
+std::vector<Column> listColumns(const Simulation& simulation, const ColumnGroups& groups) {
   const Scene& scene = simulation.scene();
-  std::vector<std::string> names{"time"};
-  if (groups.state) {
-    for (const std::string& shaft : scene.shafts) {
-      int n = 0;
-      for (const char* column : kShaftColumns) {
-        names.push_back(shaft + "/" + column);
-        if (groups.errors && n++ < kEstimated) names.push_back(names.back() + "/estimated_error");
-      }
-    }
-    for (const ConstraintPtr& constraint : scene.constraints) {
-      names.push_back(constraint->name() + "/residual");
-      names.push_back(constraint->name() + "/multiplier");
+  std::vector<Column> columns{{"time", offsetof(Sample, time) / sizeof(double)}};
+  const auto add = [&](const std::string& name, std::size_t offset, std::size_t index) {
+    columns.push_back({name, offset / sizeof(double) + index});
+  };
+  const auto addError = [&](std::size_t offset, std::size_t index) {
+    if (groups.errors && offset != 0) add(columns.back().name + "/estimated_error", offset, index);
+  };
+  for (std::size_t i = 0; groups.state && i < scene.shafts.size(); ++i) {
+    for (const SampleColumn& it : kShaftColumns) {
+      add(scene.shafts[i] + it.name, it.offset, i);
+      addError(it.error_offset, i);
     }
   }
+  for (std::size_t m = 0; groups.state && m < scene.constraints.size(); ++m) {
+    for (const SampleColumn& it : kConstraintColumns) {
+      add(scene.constraints[m]->name() + it.name, it.offset, m);
+    }
+  }
+  std::size_t quantity = kSampleNumbers;
   for (const QuantityGroup group : groups.quantities) {
     // Elements and shafts have unique names in the scene; names of inputs and outputs include the
     // group.
     const bool is_unique = group == QuantityGroup::kElements || group == QuantityGroup::kPrinciple;
     const std::string prefix = is_unique ? "" : std::string(toString(group)) + "/";
+    std::size_t n = 0;
     for (const std::string& name : simulation.quantityNames(group)) {
-      names.push_back(prefix + name);
-      if (groups.errors && group == QuantityGroup::kStates)
-        names.push_back(names.back() + "/estimated_error");
+      columns.push_back({prefix + name, quantity++});
+      if (group == QuantityGroup::kStates) addError(offsetof(Sample, state_error), n++);
     }
   }
-  if (groups.energy)
-    names.insert(names.end(), std::begin(kEnergyColumns), std::end(kEnergyColumns));
-  names.insert(names.end(), groups.derivatives.begin(), groups.derivatives.end());
+  if (groups.energy) {
+    std::size_t n = 0;
+    for (const char* name : kEnergyColumns) add(name, offsetof(Sample, energy), n++);
+  }
+  for (const std::string& name : groups.derivatives) columns.push_back({name, quantity++});
+  return columns;
+}
+
+std::vector<std::string> columnNames(const Simulation& simulation, const ColumnGroups& groups) {
+  std::vector<std::string> names;
+  for (const Column& it : listColumns(simulation, groups)) names.push_back(it.name);
   return names;
 }
 
@@ -89,59 +114,17 @@ std::vector<std::string> columnTitles(const Simulation& simulation, const Column
   return titles;
 }
 
-RowMaker::RowMaker(const Simulation& simulation, const ColumnGroups& groups)
-    : groups_(groups),
-      shaft_count_(simulation.scene().shaftCount()),
-      constraint_count_(simulation.scene().constraintCount()),
-      column_count_(columnNames(simulation, groups).size()) {
-  for (const QuantityGroup group : groups.quantities) {
-    const std::size_t count = simulation.quantityNames(group).size();
-    if (group == QuantityGroup::kStates && groups.errors) {
-      first_state_ = quantity_count_;
-      state_count_ = count;
-    }
-    quantity_count_ += count;
+RowMaker::RowMaker(const Simulation& simulation, const ColumnGroups& groups) {
+  for (const Column& it : listColumns(simulation, groups)) {
+    places_.push_back(it.place);
+    if (it.place >= kSampleNumbers) ++quantity_count_;
   }
-  quantity_count_ += groups_.derivatives.size();
 }
 
 void RowMaker::write(const Sample& sample, const double* quantities, double* row) const {
-  *row++ = sample.time;
-  if (groups_.state) {
-    for (int i = 0; i < shaft_count_; ++i) {
-      for (const auto& [column, error] :
-           {std::pair{sample.angle, sample.angle_error},
-            std::pair{sample.velocity, sample.velocity_error},
-            std::pair{sample.acceleration, sample.acceleration_error}}) {
-        *row++ = column[i];
-        if (groups_.errors) *row++ = error[i];
-      }
-      for (const double* column :
-           {sample.applied_torque, sample.reaction_torque, sample.reaction_torque_rate}) {
-        *row++ = column[i];
-      }
-    }
-    for (int i = 0; i < constraint_count_; ++i) {
-      *row++ = sample.residual[i];
-      *row++ = sample.multiplier[i];
-    }
+  for (const std::size_t place : places_) {
+    *row++ = place < kSampleNumbers ? numberAt(sample, place) : quantities[place - kSampleNumbers];
   }
-  row = std::copy_n(quantities, first_state_, row);
-  for (std::size_t i = 0; i < state_count_; ++i) {
-    *row++ = quantities[first_state_ + i];
-    *row++ = sample.state_error[i];
-  }
-  const std::size_t told = first_state_ + state_count_;
-  const std::size_t derivatives = quantity_count_ - groups_.derivatives.size();
-  row = std::copy_n(quantities + told, derivatives - told, row);
-  if (groups_.energy) {
-    const Energy& energy = sample.energy;
-    for (const double value : {energy.kinetic, energy.applied, energy.reactions,
-                               energy.applied_power, energy.reaction_power}) {
-      *row++ = value;
-    }
-  }
-  std::copy_n(quantities + derivatives, groups_.derivatives.size(), row);
 }
 
 }  // namespace variator_sim
