@@ -23,18 +23,18 @@ struct MotionList {
   F(HAS_ORDER_1) F(HAS_RESIDUAL) F(HAS_GIVEN_ACCELERATIONS)                                   \
   F(MAY_PROJECT) F(HAS_NEUTRAL) F(JUMPS_STRAIGHT) F(COMPONENTS) F(FIRST_JUDGED) F(SIGNS)      \
   F(TABLES) F(CONSTANTS) F(INPUT_ROW_COUNT) F(RESOLVED) F(STATES) F(STATE) F(VARIABLES)       \
-  F(EVENTS) F(FIRST_EVENT) F(DELAYS)                                                                   \
+  F(EVENTS) F(FIRST_EVENT) F(DELAYS) F(READS_ACCELERATIONS) F(CHOOSES_METHOD) F(SHOWN)                                                                   \
   F(TIME) F(ANGLE) F(VELOCITY) F(ACCELERATION) F(MULTIPLIER) F(PULL) F(TRANSMITTED)
 // the sizes of a series,
 #define VARIATOR_SIM_MOTION_EXTENTS(F) \
   F(SCENE_ORDER) F(SCENE_ROWS) F(SCENE_STRIDE) F(SCENE_MODES) F(SCENE_PIECES) \
-  F(SCENE_MOBILITY) F(SCENE_MATRIX)
+  F(SCENE_MOBILITY) F(SCENE_MATRIX) F(SCENE_WORK) F(SCENE_PIVOTS)
 // numbers,
 #define VARIATOR_SIM_MOTION_NUMBERS(F) \
   F(RELATIVE_TOLERANCE) F(ABSOLUTE_TOLERANCE) F(MAXIMUM_STEP) F(DECAY)
 // and lists: rows of formulas by shaft and constraint, inputs, points of tables, elements that hold.
 #define VARIATOR_SIM_MOTION_LISTS(F)                                                            \
-  F(int, order_of) F(int, is_neutral) F(double, coupling) F(int, torque_row)                    \
+  F(int, order_of) F(int, is_neutral) F(int, reads_angle) F(int, shown_row) F(double, coupling) F(int, torque_row)                    \
   F(int, residual_row) F(int, velocity_residual_row) F(int, entry_row) F(int, direction_row)    \
   F(int, has_direction) F(int, entry_begin) F(int, entry_shaft) F(int, entry_varies)         \
   F(int, load_of) F(int, slope_row) F(int, base_row) F(int, curvature_row) \

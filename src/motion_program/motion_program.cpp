@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <utility>
 
 #include "variator_sim/errors.h"
@@ -45,6 +46,23 @@ MotionProgram::MotionProgram(const Scene& scene, std::vector<Node> shown)
   setInputs(scene);
   setHolds(*scene.graph);
   setMemory(scene);
+  setStages(scene);
+  listShown();
+}
+
+/// The rows of implicit steps that are polynomials: time and state, outputs, and arguments that the
+/// check of steps reads.
+void MotionProgram::listShown() {
+  std::set<int> shown;
+  for (int r = 0; r < STATE + STATES; ++r) shown.insert(r);
+  for (int n = 0; n < series_; ++n) shown.insert(program_.output(n));
+  for (const expression::SeriesOperation& it : resolved.values) {
+    for (const int r : {it.result, it.second, it.a, it.b}) {
+      if (expression::seriesMayHide(&it, 0) && r >= 0) shown.insert(r);
+    }
+  }
+  shown_row.values.assign(shown.begin(), shown.end());
+  SHOWN = static_cast<int>(shown.size());
 }
 
 /// Lists the outputs, those that are needed as series first, and makes their rows.
@@ -74,11 +92,14 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
     if (it.load >= 0) add({it.slope[0], it.slope[1], it.base[0], it.base[1]});
   }
   series_ = static_cast<int>(outputs_.size());
+  const auto anyReads = [&](Source source, int i) {
+    return std::any_of(outputs_.begin(), outputs_.end(),
+                       [&](Node node) { return scene.graph->dependsOn(node, slotOf(source, i)); });
+  };
   bool reads_angles = false;
-  for (const Node node : outputs_) {
-    for (int i = 0; i < scene.shaftCount(); ++i) {
-      reads_angles = reads_angles || scene.graph->dependsOn(node, slotOf(Source::kAngle, i));
-    }
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    reads_angle.values.push_back(anyReads(Source::kAngle, i) ? 1 : 0);
+    reads_angles = reads_angles || reads_angle.values.back() != 0;
   }
   FIRST_JUDGED = reads_angles ? 0 : scene.shaftCount();
   add(formulas_.velocity_residual);
@@ -210,6 +231,27 @@ void MotionProgram::setSizes(const Scene& scene) {
   ABSOLUTE_TOLERANCE = scene.solver.absolute_tolerance;
   MAXIMUM_STEP = scene.solver.maximum_step;
   DECAY = std::pow(std::max(tolerance, 1e-16), 1.0 / SCENE_ORDER);
+}
+
+/// The memory of implicit steps (vs_stages).
+void MotionProgram::setStages(const Scene& scene) {
+  constexpr int kStages = 5;
+  constexpr int kPairs = 2;
+  const auto isRead = [this](int row) { return program_.isAccelerated(row); };
+  const MotionList<int> torques = rowsOf(formulas_.torque);
+  const MotionList<int> rates = rowsOf(formulas_.rate);
+  READS_ACCELERATIONS = std::any_of(torques.values.begin(), torques.values.end(), isRead) ||
+                                std::any_of(rates.values.begin(), rates.values.end(), isRead)
+                            ? 1
+                            : 0;
+  const bool is_automatic = scene.solver.stepper == StepperKind::kAuto;
+  CHOOSES_METHOD = is_automatic && IS_CLASSICAL != 0 && HOLDS == 0 ? 1 : 0;
+  const int unknowns = SIZE + STATES;
+  const int directions = 3 * S + STATES;
+  SCENE_WORK = 3 * kStages * unknowns + 2 * (kStages + 1) * S + kStages * INPUT_ROW_COUNT +
+               3 * SCENE_ROWS + directions * (unknowns + S) +
+               (1 + 2 * kPairs) * unknowns * unknowns;
+  SCENE_PIVOTS = (1 + kPairs) * unknowns;
 }
 
 /// Finds the shafts whose reaction no C contains; these are all shafts if C and J, and so the null

@@ -66,6 +66,8 @@ class MotionProgram : public MotionData {
   expression::SeriesProgram compile(const Scene& scene);
   std::vector<int> listSlots(const Scene& scene);
   void setSizes(const Scene& scene);
+  void setStages(const Scene& scene);
+  void listShown();
   void setLists(const Scene& scene);
   void listEntries(const expression::Graph& graph);
   void setInputs(const Scene& scene);

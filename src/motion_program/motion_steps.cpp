@@ -13,6 +13,7 @@
 namespace variator_sim {
 
 #include "motion_program/interpreted_ranges.inc"
+#include "runtime/radau_tables.h"
 
 /// Lists every table as both kinds.
 static void listTables(const MotionRows& rows, std::vector<vs_table>* one,

@@ -29,6 +29,13 @@ VS_FUNCTION void vs_set_constants(scene_model* m) {
   m->series[0].unit = m->series[1].unit = 1.0;
 }
 
+/* All formulas at the state that is in the rows. */
+VS_FUNCTION_RARE void vs_enter_formulas(scene_series* it) {
+  vs_given(it, 0);
+  vs_tried(it, 0);
+  vs_rest(it, 0);
+}
+
 /* All formulas at the present state, with the inputs that were entered. */
 VS_FUNCTION void vs_enter_state(const scene_model* m, scene_series* it) {
   int i;
@@ -46,9 +53,7 @@ VS_FUNCTION void vs_enter_state(const scene_model* m, scene_series* it) {
     it->row[mode_row[i]][0] = m->now.told[i];
     it->row[counts_row[i]][0] = m->now.counts[i];
   }
-  vs_given(it, 0);
-  vs_tried(it, 0);
-  vs_rest(it, 0);
+  vs_enter_formulas(it);
 }
 
 VS_FUNCTION Real vs_entry(const scene_series* it, int p, int i) {

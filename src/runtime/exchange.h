@@ -42,6 +42,7 @@ VS_FUNCTION void vs_take_over(scene_model* m, const vs_exchange* from) {
   }
   for (i = 0; i < K; ++i) m->longest[i] = 0.0;
   m->usual = from->usual;
+  m->choice = from->choice;
   m->is_begun = 0;
   m->has_moved = 1;
   m->crossings = 0;

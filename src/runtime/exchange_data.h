@@ -32,8 +32,9 @@ typedef struct {
   vs_exchanged_signal* input; /* INPUTS */
   vs_exchanged_hold* hold;    /* HOLDS */
   double usual;               /* the length that the next step may have, s; 0: unknown */
-  int* armed;                 /* of events: scene_state's */
-  vs_past* past;              /* of delayed formulas, which the steps go on with */
+  scene_choice choice;
+  int* armed;    /* of events: scene_state's */
+  vs_past* past; /* of delayed formulas, which the steps go on with */
   /* In */
   int begin;     /* 0: goes on from the state; 1: from the nearest one at time 0; 2: at another */
   int are_given; /* 1: the accelerations are, too; 0: those of least reaction */

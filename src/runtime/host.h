@@ -191,6 +191,9 @@ VS_FUNCTION scene_status vs_host_go(vs_host* h, double at) {
   m->now = h->before;
   m->present = h->taken;
   vs_go(m, at / unit);
+#ifndef VS_TANGENTS
+  vs_settle_implicitly(m, &h->seen, at / unit);
+#endif
   m->present = present;
   return vs_arrive(m, &h->seen, unit, 1);
 }
@@ -256,6 +259,7 @@ VS_FUNCTION void vs_host_leave(vs_host* h, vs_exchange* to) {
     to->hold[p].heat = m->now.heat[p];
   }
   to->usual = m->usual;
+  to->choice = m->choice;
 }
 
 /* True when no angle, no velocity and no state that something reads leaves the tolerance around its
@@ -321,6 +325,7 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
     to->state[2 * S + i] = m->now.acceleration[i];
   }
   to->made = h->made;
+  to->choice = m->choice;
   to->usual = m->usual;
   vs_host_tell_events(m, to);
   to->time = m->now.time;

@@ -1,7 +1,5 @@
 /* The formulas of a motion along steps that another program makes. */
 
-enum { VS_ALONG = 8 }; /* the order of series along such a step */
-
 /* The series of a state, shown, as far as steps of `limit` s need them; 0 where there are none. */
 VS_FUNCTION int vs_host_expand(vs_host* h, const vs_exchange* from, double limit, vs_shown* to) {
   scene_status status;

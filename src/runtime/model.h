@@ -7,9 +7,12 @@ typedef struct {
   int is_commanded[SCENE_INPUTS + 1];
   int has_moved, crossings;
   scene_status status;
-  int passed;   /* the event of the last step, or -1 */
-  int has_set;  /* 1: events have set values at the present */
-  double usual; /* length of the last step, s */
+  int passed;     /* the event of the last step, or -1 */
+  int has_set;    /* 1: events have set values at the present */
+  double usual;   /* length of the last step, s */
+  double reached; /* the end of the last step, in units */
+  double damped;  /* length of the last implicit step, s (vs_settle_implicitly) */
+  scene_choice choice;
   double event; /* that the last step has passed, in units: from there on its end stands for all */
   double longest[SCENE_CONSTRAINTS + SCENE_HOLDS + 1]; /* that C J^-1 C' has been */
   long steps, rejections;
@@ -17,5 +20,9 @@ typedef struct {
   scene_event event_of[SCENE_MOST_EVENTS]; /* the last ones: number n at n % MOST_EVENTS */
   long events;
   int culprit; /* the element in another mode than it is to begin in, or -1 */
+#ifndef VS_INTERPRETED
+  double work[SCENE_WORK];
+  int pivot[SCENE_PIVOTS];
+#endif
   double culprit_torque, culprit_slip;
 } scene_model;

@@ -36,6 +36,7 @@ VS_FUNCTION_RARE scene_status vs_take_sides(scene_model* m, scene_series* it,
   memcpy(m->now.velocity, from->velocity, sizeof from->velocity);
   memcpy(m->now.acceleration, from->acceleration, sizeof from->acceleration);
   memcpy(m->now.multiplier, from->multiplier, sizeof from->multiplier);
+  vs_forget_polynomials(it);
   it->unit = vs_unit_of(m->usual > 0.0 ? seriesSmaller(m->usual, 1.0) : 1e-3);
   vs_enter_inputs(m, it, SCENE_ORDER);
   vs_enter_state(m, it);

@@ -79,11 +79,20 @@ VS_FUNCTION void vs_note_pull(scene_series* it, int n) {
   for (i = 0; i < S; ++i) r[PULL + i][n] = y[i];
 }
 
-/* Coefficients n of all rows. */
-VS_FUNCTION_INLINE void vs_order(scene_series* it, int n) {
+/* 1/2 J' omega J^-1 R, or B J^-1 R: R' less its covariant form G */
+VS_FUNCTION Real vs_connection(const scene_series* it, int i) {
+  Real sum = 0.0;
+  int j;
+  for (j = 0; j < S && IS_GENERAL; ++j)
+    sum += it->row[turn_row[S * i + j]][0] * it->row[PULL + j][0];
+  if (INERTIA_VARIES && !IS_GENERAL) sum = it->row[connection_row[i]][0] * it->row[PULL + i][0];
+  return sum;
+}
+
+/* Coefficients n of time and state, and the formulas that read no accelerations. */
+VS_FUNCTION_INLINE void vs_integrate(scene_series* it, int n) {
   vs_row* const r = it->row;
   const Real q = it->unit * (1.0 / n);
-  Real x[MOST_SIZE];
   int i;
   r[TIME][n] = n == 1 ? it->unit : 0.0;
   for (i = 0; i < S; ++i) {
@@ -92,8 +101,14 @@ VS_FUNCTION_INLINE void vs_order(scene_series* it, int n) {
     r[ACCELERATION + i][n] = 0.0;
   }
   for (i = 0; i < STATES; ++i) r[STATE + i][n] = q * r[rate_row[i]][n - 1];
-  vs_given(it, n);
-  vs_tried(it, n);
+}
+
+/* The unknowns of order n, and the formulas that read them. */
+VS_FUNCTION_INLINE void vs_solve_order(scene_series* it, int n) {
+  vs_row* const r = it->row;
+  const Real q = it->unit * (1.0 / n);
+  Real x[MOST_SIZE];
+  int i;
   for (i = 0; i < S; ++i) x[i] = vs_force_rest(it, i, n);
   for (i = 0; i < K; ++i) {
     vs_add_pulls(it, i, n, x);
@@ -109,8 +124,16 @@ VS_FUNCTION_INLINE void vs_order(scene_series* it, int n) {
     if (TRANSMITS) r[TRANSMITTED + i][n] = x[S + i];
   }
   vs_corrected(it, n, x);
+}
+
+/* Coefficients n of all rows; along a path, whose time and state are known, of the formulas. */
+VS_FUNCTION_INLINE void vs_order(scene_series* it, int n) {
+  if (!it->is_path) vs_integrate(it, n);
+  vs_given(it, n);
+  vs_tried(it, n);
+  if (!it->is_path) vs_solve_order(it, n);
   vs_rest(it, n);
-  if (!IS_CLASSICAL && INERTIA_VARIES) vs_note_pull(it, n);
+  if (!it->is_path && !IS_CLASSICAL && INERTIA_VARIES) vs_note_pull(it, n);
 }
 
 /* A function for each order, whose sums a compiler unrolls; scenes of very many formulas have one
@@ -143,6 +166,16 @@ VS_FUNCTION void vs_extend(scene_series* it) {
   vs_order(it, ++it->order);
 }
 #endif
+
+/* Polynomials of an implicit step leave no coefficients to the series that begins in their place:
+ * those behind the degree of a formula stay 0. */
+VS_FUNCTION_RARE void vs_forget_polynomials(scene_series* it) {
+  int n, r;
+  for (r = 0; r < SHOWN && it->is_implicit; ++r) {
+    for (n = 1; n <= it->order + 1; ++n) it->row[shown_row[r]][n] = 0.0;
+  }
+  it->is_implicit = 0;
+}
 
 /* Order 0 of all formulas is known. gauss: of the multipliers, too. is_factored: of the last
  * correction of the accelerations, which changes what matters only where C turns with them. */
@@ -197,6 +230,7 @@ VS_FUNCTION int vs_is_begun(const scene_model* m) {
 VS_FUNCTION int vs_begin_here(scene_model* m, double unit) {
   scene_series* const it = vs_series(m);
   m->begun = m->now;
+  vs_forget_polynomials(it);
   it->unit = unit;
   vs_enter_inputs(m, it, SCENE_ORDER);
   vs_enter_state(m, it);

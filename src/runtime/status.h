@@ -21,3 +21,11 @@ typedef struct {
   double torque;  /* N m, behind it */
   double impulse; /* N m s, of an impact */
 } scene_event;
+
+/* The method of steps, and what chooses it (stiffness.h). */
+typedef struct {
+  int method, suspicions, quiet, wait, made;
+  int left;         /* implicit steps before series are tried again */
+  double by_series; /* length of the steps before implicit ones, s */
+  double ahead;     /* length that the next implicit one may have, s; 0: unknown */
+} scene_choice;

@@ -32,6 +32,7 @@ VS_FUNCTION double vs_limit(scene_model* m, double left) {
  * up to `order`. */
 VS_FUNCTION scene_status vs_arrive(scene_model* m, scene_series* next, double unit, int order) {
   scene_status status;
+  vs_forget_polynomials(next);
   next->unit = unit;
   vs_enter_inputs(m, next, order);
   status = vs_project_velocities(m, next);
@@ -103,6 +104,8 @@ VS_FUNCTION int vs_keeps_rank(scene_model* m, const scene_series* it, const scen
     }
     m->longest[p] = seriesLarger(m->longest[p], before);
     if (!(product > 0.0 && length > 1e-20 * m->longest[p])) return 0;
+    /* (Stages of an implicit step may have been behind.) */
+    if (it->is_implicit && !(length > 0.04 * before && length < 25.0 * before)) return 0;
   }
   return 1;
 }
@@ -128,6 +131,9 @@ VS_FUNCTION scene_status vs_move_to(scene_model* m, const scene_state* before, c
   const double h = theta * vs_series(m)->unit;
   m->now = *before;
   vs_go(m, VS_INSTANT(m, at, theta));
+#ifndef VS_TANGENTS
+  vs_settle_implicitly(m, &m->series[1 - m->present], theta);
+#endif
   *expected = m->now;
   return vs_arrive(m, &m->series[1 - m->present], vs_unit_of(seriesLarger(h, 0.25 * m->usual)),
                    SCENE_ORDER);
@@ -166,8 +172,9 @@ VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, dou
     const scene_signal* const s = &m->now.input[i];
     is_kink = is_kink || (s->form == VS_RAMP && s->age >= s->end);
   }
-  *defect = vs_defect(m, it, next, &expected, *theta, is_kink,
-                      seriesLarger(0.0, *theta - at->theta) * it->unit);
+  *defect = it->is_implicit ? 0.0
+                            : vs_defect(m, it, next, &expected, *theta, is_kink,
+                                        seriesLarger(0.0, *theta - at->theta) * it->unit);
   *loses_rank = !vs_keeps_rank(m, it, next);
   if (*loses_rank || !vs_keeps_sides(it, next) || vs_has_leapt(m, &before, &expected))
     *defect = INFINITY;
@@ -203,22 +210,67 @@ VS_FUNCTION scene_status vs_land(scene_model* m, const vs_event* at, double* the
   return SCENE_OK;
 }
 
+/* Polynomials of a step of at most `limit` s, by the method that was chosen. */
+VS_FUNCTION scene_status vs_find_polynomials(scene_model* m, double limit) {
+#ifndef VS_TANGENTS
+  /* (Series make a step that is no longer than theirs.) */
+  if (CHOOSES_METHOD && m->choice.method == VS_IMPLICIT && limit > m->choice.by_series) {
+    const scene_status status = vs_expand_implicitly(m, limit);
+    if (status == SCENE_OK) return status;
+    vs_give_up_implicit(m);
+  }
+#endif
+  return vs_expand(m, limit);
+}
+
+/* The first event up to *theta. Behind it the formulas are others: the polynomials of an implicit
+ * step, which stages behind it were part of, are made anew up to it. They are known a little
+ * further. */
+VS_FUNCTION vs_event vs_find_first(scene_model* m, double* theta, scene_status* status) {
+  enum { VS_MOST_ROUNDS = 10 };
+  const double further = 1.02;
+  vs_event at = {0.0, -1, 0, 0.0, 0.0, -1, 0};
+  int round;
+  for (round = 0; *status == SCENE_OK; ++round) {
+    const scene_series* const it = vs_series(m);
+    double end = it->is_implicit ? further * *theta : *theta;
+    at = vs_find_event(m, it, &end, -1);
+    if (!it->is_implicit || (at.guard < 0 && at.element < 0)) {
+      if (!it->is_implicit) *theta = end;
+      break;
+    }
+    if (at.theta == 0.0 || at.theta >= *theta / further || round == VS_MOST_ROUNDS) {
+      *theta = end;
+      break;
+    }
+#ifndef VS_TANGENTS
+    *status = vs_expand_implicitly(m, at.theta * it->unit);
+    *theta = m->usual / it->unit;
+#endif
+  }
+  return at;
+}
+
 /* One step of at most `left` s; *made: how long it was. */
 VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made) {
   const double limit = vs_limit(m, left);
   const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time);
   const scene_state before = m->now;
-  scene_status status = vs_expand(m, limit);
+  scene_status status = vs_find_polynomials(m, limit);
   double theta;
   int loses_rank = 0, trial;
   if (status != SCENE_OK) return status;
   if (m->usual < least && m->usual < 1e-3 * limit) return SCENE_TOO_MANY_STEPS;
   theta = seriesSmaller(limit, m->usual) / vs_series(m)->unit;
   for (trial = 0; trial < 60; ++trial) {
-    vs_event at = vs_find_event(m, vs_series(m), &theta, -1);
+    vs_event at;
     double defect = 0.0, h, part;
     /* An event at which nothing jumps is passed like any other step's end. */
-    int is_smooth = at.guard < 0 || (!at.jumps && !HAS_ORDER_1 && !(IS_CLASSICAL && IS_CURVED));
+    int is_smooth;
+    status = SCENE_OK;
+    at = vs_find_first(m, &theta, &status);
+    if (status != SCENE_OK) return status;
+    is_smooth = at.guard < 0 || (!at.jumps && !HAS_ORDER_1 && !(IS_CLASSICAL && IS_CURVED));
     if (HOLDS && at.element >= 0) {
       if (at.theta > 0.0) status = vs_land(m, &at, &theta, &defect, &loses_rank);
       if (at.theta == 0.0) theta = 0.0;
@@ -245,11 +297,15 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
         is_smooth = 0;
         m->event = theta;
       }
+#ifndef VS_TANGENTS
+      vs_choose_method(m, vs_series(m), h);
+#endif
       if (is_smooth) {
         m->present = 1 - m->present;
         m->begun = m->now;
       }
       m->is_begun = is_smooth;
+      m->reached = theta;
       m->passed = at.guard;
       ++m->steps;
       *made = h;
@@ -265,6 +321,11 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
     theta *= part > 0.2 ? part : 0.2;
     h = theta * vs_series(m)->unit;
     if (!(h > seriesSmaller(1e-14 * seriesLarger(1.0, m->now.time), 1e-3 * limit))) break;
+    if (vs_series(m)->is_implicit) { /* what stood in the way may have been at a stage, too */
+      status = vs_find_polynomials(m, h);
+      if (status != SCENE_OK) return status;
+      theta = seriesSmaller(h, m->usual) / vs_series(m)->unit;
+    }
   }
   if (loses_rank) return SCENE_SINGULAR;
   return status == SCENE_OK ? SCENE_TOO_MANY_STEPS : status;

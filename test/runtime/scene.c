@@ -64,7 +64,10 @@ enum {
   TRANSMITTED = MULTIPLIER,
   /* 10: input, 11: sin, 12: cos, 13: rate, 14: torque, 15: residual, 16 .. 19: constants 0, 1, -2,
      1 */
-  ZERO = 16
+  ZERO = 16,
+  READS_ACCELERATIONS = 0,
+  CHOOSES_METHOD = 1,
+  SHOWN = 20
 };
 static const double RELATIVE_TOLERANCE = 1e-12, ABSOLUTE_TOLERANCE = 1e-12, MAXIMUM_STEP = 10.0,
                     DECAY = 0.21;
@@ -98,6 +101,9 @@ static const int sign_row[] = {0}, sign_jumps[] = {0}, passage_row[] = {0}, pass
 static const double* const passage_points[] = {0};
 static const int constant_row[] = {16, 17, 18, 19};
 static const double constant_value[] = {0.0, 1.0, -2.0, 1e-9};
+static const int reads_angle[] = {1, 0};
+static const int shown_row[] = {0,  1,  2,  3,  4,  5,  6,  7,  8,  9,
+                                10, 11, 12, 13, 14, 15, 16, 17, 18, 19};
 enum { WATCHED = 0 };
 static const int watched_row[] = {0}, side_row[] = {0}, mode_row[] = {0}, counts_row[] = {0},
                  slip_row[] = {0}, slide_row[] = {0}, upper_row[] = {0}, lower_row[] = {0},
@@ -155,6 +161,8 @@ static Real vs_hides(const scene_series* it, const Real* powers, int last) {
   return 1.0;
 }
 
+#include "runtime/radau_tables.h"
+/* */
 #include "runtime/inputs.h"
 /* */
 #include "runtime/algebra.h"
@@ -172,6 +180,12 @@ static Real vs_hides(const scene_series* it, const Real* powers, int last) {
 #include "runtime/modes.h"
 /* */
 #include "runtime/events.h"
+/* */
+#include "runtime/stages.h"
+/* */
+#include "runtime/implicit.h"
+/* */
+#include "runtime/stiffness.h"
 /* */
 #include "runtime/step.h"
 /* */

@@ -1,0 +1,360 @@
+/* Implicit steps (stages.h): the error of the stages, and polynomials through them. */
+
+/* The first guess of the stages: the polynomials of the last step, `past` to be added to theta = c
+ * h / unit, or the values at the begin. */
+VS_FUNCTION_RARE void vs_guess_stages(const scene_series* it, const scene_series* last, double past,
+                                      const vs_stages* of) {
+  int i, j;
+  for (i = 0; i < UNKNOWNS; ++i) {
+    const int row = i < S ? ACCELERATION + i : i < SIZE ? MULTIPLIER + i - S : rate_row[i - SIZE];
+    const double begin = it->row[row][0];
+    double off = 0.0;
+    if (last != 0) off = begin - vs_evaluate(last->row[row], last->order, past);
+    for (j = 0; j < of->method->stages; ++j) {
+      const double theta = past + of->method->point[j] * of->h / (last != 0 ? last->unit : 1.0);
+      of->y[UNKNOWNS * j + i] =
+          last != 0 ? vs_evaluate(last->row[row], last->order, theta) + off : begin;
+    }
+  }
+}
+
+/* p'(0) h of the polynomial through the values of a row. */
+VS_FUNCTION_INLINE double vs_first_slope(const vs_stages* of, const Real* row) {
+  double sum = 0.0;
+  int j;
+  for (j = 0; j < of->method->stages; ++j) sum += of->method->B[0][j] * (row[j + 1] - row[0]);
+  return sum;
+}
+
+/* The coefficient of theta^s of the same. */
+VS_FUNCTION_INLINE double vs_last_coefficient(const vs_stages* of, const Real* row) {
+  const double* const B = of->method->B[of->method->stages - 1];
+  double sum = 0.0;
+  int j;
+  for (j = 0; j < of->method->stages; ++j) sum += B[j] * (row[j + 1] - row[0]);
+  return sum;
+}
+
+/* x = the changes of (epsilon, mu, z') in an implicit step of g that changes the state along q by
+ * `by` before them, and R by x. */
+VS_FUNCTION_RARE void vs_damp(const vs_stages* of, double* by, double* x) {
+  const double g = of->h / of->method->real;
+  int i, q;
+  for (q = S; q < DIRECTIONS; ++q) {
+    for (i = 0; i < UNKNOWNS; ++i) x[i] -= of->slope[UNKNOWNS * q + i] * by[q];
+    for (i = 0; i < S && !IS_CLASSICAL; ++i) x[i] += g * of->pull_slope[S * q + i] * by[q];
+  }
+  vs_substitute(of->real, 0, UNKNOWNS, of->real_pivot, x, 0);
+  for (i = 0; i < S; ++i) {
+    by[S + i] += g * x[i];
+    by[2 * S + i] += g * g * x[i];
+  }
+  for (i = 0; i < STATES; ++i) by[3 * S + i] += g * x[SIZE + i];
+}
+
+/* The part of acceleration i that rounding of the velocities makes. */
+VS_FUNCTION_RARE double vs_acceleration_noise(const scene_series* it, const vs_stages* of, int i) {
+  double moved = 0.0;
+  int q;
+  for (q = 0; q < S; ++q)
+    moved += fabs(of->slope[UNKNOWNS * (S + q) + i] * it->row[VELOCITY + q][0]);
+  return 4.0 * DBL_EPSILON * moved / vs_inertia(it, i, i);
+}
+
+/* The error of a step in tolerances: the defect x' - p'(0) of its polynomials at the begin, damped
+ * by an implicit step of g, twice at a first step and after a rejection (Hairer and Wanner,
+ * (IV.8.20)). */
+VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* of, int is_first) {
+  const double g = of->h / of->method->real;
+  double* const x = of->sum;
+  double* const by = of->residual;
+  /* the largest |theta (theta - c_1) .. (theta - c_s)| */
+  const double between = of->method->stages == 3 ? 0.018 : 0.0011;
+  double norm = 0.0, rest = 0.0;
+  int e, i, j, p;
+  for (i = 0; i < UNKNOWNS; ++i) x[i] = 0.0;
+  for (i = 0; i < S; ++i) {
+    const Real *const omega = it->row[VELOCITY + i], *const phi = it->row[ANGLE + i];
+    by[S + i] = g * (it->row[ACCELERATION + i][0] - vs_first_slope(of, omega) / of->h);
+    by[2 * S + i] = g * (omega[0] - vs_first_slope(of, phi) / of->h + by[S + i]);
+  }
+  for (i = 0; i < STATES; ++i)
+    by[3 * S + i] = g * (it->row[rate_row[i]][0] - vs_first_slope(of, it->row[STATE + i]) / of->h);
+  for (i = 0; i < S && !IS_CLASSICAL; ++i) {
+    double slope = 0.0;
+    for (j = 0; j < of->method->stages; ++j)
+      slope += of->method->B[0][j] * (of->R[S * (j + 1) + i] - of->R[i]);
+    x[i] = by[i] = g * (of->P[i] - slope / of->h);
+  }
+  for (p = 0; p < K; ++p) {
+    if (order_of[p] < 3) continue;
+    x[S + p] = -it->row[residual_row[p]][0];
+    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
+      i = entry_shaft[e];
+      x[S + p] -= vs_entry(it, p, i) * vs_first_slope(of, it->row[ACCELERATION + i]) / of->h;
+    }
+  }
+  vs_damp(of, by, x);
+  if (is_first) { /* and again: R has changed by by + g C' x */
+    for (i = 0; i < S && !IS_CLASSICAL; ++i) {
+      for (p = 0; p < K; ++p) by[i] += g * vs_direction(it, p, i) * x[S + p];
+    }
+    for (i = 0; i < S; ++i) {
+      x[i] = IS_CLASSICAL ? 0.0 : by[i];
+      by[2 * S + i] += g * by[S + i];
+    }
+    for (i = S; i < UNKNOWNS; ++i) x[i] = 0.0;
+    vs_damp(of, by, x);
+  }
+  for (i = 0; i < S; ++i) {
+    norm = seriesLarger(norm, fabs(by[S + i]) / vs_tolerance(it, it->row[VELOCITY + i][0]));
+    if (FIRST_JUDGED == 0)
+      norm = seriesLarger(norm, fabs(by[2 * S + i]) / vs_tolerance(it, it->row[ANGLE + i][0]));
+    if (IS_CLASSICAL) x[i] = between * vs_last_coefficient(of, it->row[ACCELERATION + i]);
+    norm = seriesLarger(norm, fabs(x[i]) / (vs_tolerance(it, it->row[ACCELERATION + i][0]) +
+                                            vs_acceleration_noise(it, of, i)));
+    rest += 0.0 * x[i];
+  }
+  for (i = 0; i < STATES; ++i) {
+    norm = seriesLarger(norm, fabs(by[3 * S + i]) / vs_tolerance(it, it->row[STATE + i][0]));
+    rest += 0.0 * by[3 * S + i];
+  }
+  return norm + rest;
+}
+
+/* Notes the states of the stages in the rows. */
+VS_FUNCTION_RARE void vs_note_stages(scene_series* it, scene_series* w, const scene_state* from,
+                                     const vs_stages* of) {
+  int j, r;
+  for (j = 0; j < of->method->stages; ++j) {
+    vs_enter_stage_state(w, from, of, j);
+    for (r = ANGLE; r < STATE + STATES; ++r) {
+      if (r < PULL || r >= PULL + S) it->row[r][j + 1] = w->row[r][0];
+    }
+  }
+}
+
+/* The values of rows at the stages become polynomials. */
+VS_FUNCTION_RARE void vs_interpolate_stages(scene_series* it, const vs_stages* of) {
+  const int s = of->method->stages;
+  const double ratio = it->unit / of->h;
+  double scaled[VS_MOST_STAGES][VS_MOST_STAGES], power = ratio;
+  int j, n, r;
+  for (n = 0; n < s; ++n, power *= ratio) {
+    for (j = 0; j < s; ++j) scaled[n][j] = of->method->B[n][j] * power;
+  }
+  for (r = 0; r < SHOWN; ++r) {
+    Real* const c = it->row[shown_row[r]];
+    double moved[VS_MOST_STAGES];
+    for (j = 0; j < s; ++j) moved[j] = c[j + 1] - c[0];
+    for (n = 0; n < s; ++n) {
+      double sum = 0.0;
+      for (j = 0; j < s; ++j) sum += scaled[n][j] * moved[j];
+      c[n + 1] = sum;
+    }
+    c[s + 1] = 0.0;
+  }
+  it->order = s;
+  it->is_implicit = 1;
+}
+
+/* True if an operation may do between the stages, whose values are in the rows, what none of them
+ * shows: its argument goes further than a part of its radius of convergence. */
+VS_FUNCTION_RARE int vs_may_hide(const scene_series* it, int stages) {
+  const double far = 0.4;
+  int n, j;
+  for (n = 0; n < RESOLVED; ++n) {
+    const struct SeriesOperation* const op = &resolved[n];
+    const Real* const a = it->row[op->a];
+    const Real* const b = op->b < 0 ? a : it->row[op->b];
+    const double second = op->second < 0 ? (double)a[0] : (double)it->row[op->second][0];
+    double moved = 0.0, other = 0.0;
+    /* (A product may lead to an argument that turns back between the stages.) */
+    const int known = op->kind == kSeriesProduct ? 1 : VS_ALONG;
+    if (op->kind <= kSeriesFinite || op->kind == kSeriesTable || op->power <= known) continue;
+    for (j = 1; j <= stages; ++j) {
+      moved = seriesLarger(moved, fabs(a[j] - a[0]));
+      other = seriesLarger(other, op->b < 0 ? 0.0 : fabs(b[j] - b[0]));
+    }
+    if (op->kind == kSeriesProduct) {
+      if (moved > far * fabs(a[0]) && other > far * fabs(b[0])) return 1;
+      continue;
+    }
+    if (op->kind == kSeriesQuotient) moved = other;
+    if (op->kind == kSeriesAtan2) moved += other;
+    if (op->kind == kSeriesPower) moved *= seriesLarger(1.0, fabs(op->f));
+    if (seriesIsFar(op->kind, far, 1.0, a[0], b[0], second, moved) > 0.0 &&
+        !(seriesIsFlat(op->kind, a[0], moved) > 0.0))
+      return 1;
+  }
+  return 0;
+}
+
+/* True if no formula does along the step's polynomials what its series there does not show. */
+VS_FUNCTION_RARE int vs_is_path_resolved(scene_model* m, const scene_series* it, scene_series* w,
+                                         const scene_state* from, const vs_stages* of) {
+  const int last = VS_ALONG < (int)SCENE_ORDER ? VS_ALONG : SCENE_ORDER;
+  const double* const at[3] = {of->values, of->values + SCENE_ROWS, of->values + 2 * SCENE_ROWS};
+  double rest = 0.0;
+  int is_resolved, n, r;
+  for (n = 0; n < 3; ++n) {
+    if (n > 0)
+      vs_enter_stage(w, from, of, n == 1 ? of->method->stages / 2 : of->method->stages - 1);
+    for (r = 0; r < SCENE_ROWS; ++r)
+      of->values[SCENE_ROWS * n + r] = n == 0 ? it->row[r][0] : w->row[r][0];
+  }
+  w->unit = it->unit;
+  vs_enter_inputs(m, w, last);
+  vs_enter_state(m, w);
+  for (n = 1; n <= last; ++n) w->row[TIME][n] = n == 1 ? w->unit : 0.0;
+  for (r = ANGLE; r < STATE + STATES; ++r) {
+    for (n = 1; n <= last; ++n) w->row[r][n] = n <= it->order ? it->row[r][n] : 0.0;
+  }
+  w->order = 0;
+  w->is_path = 1;
+  while (w->order < last) vs_extend(w);
+  w->is_path = 0;
+  is_resolved = vs_is_resolved_in_ranges(w, of->h / w->unit, at);
+  for (r = 0; r < SCENE_ROWS; ++r) {
+    for (n = 0; n <= last; ++n) rest += 0.0 * w->row[r][n];
+  }
+  /* Sums by fours read what lies behind the last coefficient. */
+  for (r = 0; r < SCENE_ROWS && rest != 0.0; ++r)
+    memset(w->row[r] + 1, 0, sizeof w->row[r] - sizeof(Real));
+  return is_resolved;
+}
+
+/* Polynomials of an implicit step of at most `limit` s from the state. */
+VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit) {
+  scene_series* const it = vs_series(m);
+  scene_series* const w = &m->series[1 - m->present];
+  const scene_state from = m->now;
+  const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, from.time);
+  const int is_begun = vs_is_begun(m);
+  const scene_series* const known = !is_begun ? 0 : it->is_implicit ? it : w->is_implicit ? w : 0;
+  const double past = known == w ? m->reached : 0.0;
+  vs_stages of;
+  double h = m->choice.ahead > 0.0 ? m->choice.ahead : m->usual > 0.0 ? m->usual : 1e-3;
+  int i, rounds, trial, is_known = known != 0;
+  if (!is_begun && !vs_begin_here(m, vs_unit_of(seriesSmaller(limit, h)))) return SCENE_SINGULAR;
+  vs_lay_out(m, RELATIVE_TOLERANCE <= 1e-5 ? 1 : 0, &of);
+  of.h = h = seriesSmaller(h, limit);
+  vs_guess_stages(it, known, past, &of);
+  vs_forget_polynomials(w);
+  w->unit = it->unit = vs_unit_of(h);
+  vs_enter_inputs(m, w, 0);
+  vs_enter_state(m, w);
+  for (i = 0; i < K; ++i) w->row[MULTIPLIER + i][0] = it->row[MULTIPLIER + i][0];
+  if (!vs_find_reaction(w, of.R, of.P)) return SCENE_SINGULAR;
+  vs_find_slopes(w, &from, &of);
+  for (trial = 0; trial < 40 && h > least; ++trial) {
+    double error = 0.0, part;
+    int may_hide;
+    of.h = h;
+    it->unit = w->unit = vs_unit_of(h);
+    if (!is_known) vs_guess_stages(it, 0, 0.0, &of);
+    is_known = 0;
+    if (trial > 0) {
+      vs_enter_inputs(m, w, 0);
+      vs_enter_state(m, w);
+    }
+    if (!vs_factor_stages(w, &of)) return SCENE_SINGULAR;
+    vs_enter_stage_inputs(m, w, &from, &of);
+    if (!vs_find_stages(m, it, w, &from, &of, &rounds)) {
+      ++m->rejections;
+      h *= 0.25;
+      continue;
+    }
+    vs_note_stages(it, w, &from, &of);
+    error = vs_stage_error(it, &of, trial > 0 || known == 0);
+    part = 0.9 * 17.0 / (16.0 + rounds) *
+           pow(seriesLarger(error, 1e-8), -1.0 / (of.method->stages + 1));
+    part = seriesLarger(0.1, seriesSmaller(part, 8.0));
+    if (!(error <= 1.0)) {
+      ++m->rejections;
+      h *= isfinite(error) ? seriesSmaller(part, 0.9) : 0.1;
+      continue;
+    }
+    may_hide = vs_may_hide(it, of.method->stages);
+    vs_interpolate_stages(it, &of);
+    if (may_hide && !vs_is_path_resolved(m, it, w, &from, &of)) {
+      ++m->rejections;
+      h *= 0.5;
+      continue;
+    }
+    if (h < limit || part * h > m->choice.ahead) m->choice.ahead = part * h;
+    m->usual = m->damped = h;
+    return SCENE_OK;
+  }
+  m->is_begun = 0;
+  return SCENE_TOO_MANY_STEPS;
+}
+
+/* The accelerations, in tolerances, that what psi is off would have to move. */
+VS_FUNCTION_RARE double vs_psi_off(const scene_model* m, const scene_series* w) {
+  double largest = 0.0;
+  int e, p;
+  for (p = 0; p < K; ++p) {
+    double C = 0.0, least = INFINITY;
+    if (!vs_is_on(w, p) || order_of[p] == 3) continue;
+    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
+      C = seriesLarger(C, fabs(vs_entry(w, p, entry_shaft[e])));
+      least = seriesSmaller(least, vs_tolerance(w, m->now.acceleration[entry_shaft[e]]));
+    }
+    largest = seriesLarger(largest, fabs(w->row[residual_row[p]][0]) / (C * least));
+  }
+  return largest;
+}
+
+/* The state of an implicit step, which m->now is, on the constraints: what psi is off, and of gauss
+ * R, an implicit step of g to this instant takes from the velocities. (The accelerations alone
+ * would have to move by as much times the rate of a fast component; of gauss they follow from the
+ * state, which is off between the stages by the error of its polynomials.) */
+VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, double theta) {
+  const scene_series* const it = vs_series(m);
+  vs_stages of;
+  enum { VS_MOST_ROUNDS = 8 };
+  double rate[MOST_INPUTS + 1];
+  double g, *x, moved = INFINITY, before = INFINITY;
+  int i, round;
+  if (!it->is_implicit) return;
+  vs_lay_out(m, it->order == vs_radau_of[1].stages, &of);
+  of.h = m->damped;
+  g = of.h / of.method->real;
+  x = of.sum;
+  for (i = 0; i < STATES; ++i) rate[i] = vs_evaluate(it->row[rate_row[i]], it->order, theta);
+  vs_enter_inputs(m, w, 0);
+  /* (C turns with time, and each round leaves a part of what psi is off.) */
+  for (round = 0; round < VS_MOST_ROUNDS && moved > 0.01 && (round < 2 || moved < 0.5 * before);
+       ++round) {
+    vs_enter_state(m, w);
+    if (!vs_find_reaction(w, x, of.P)) return;
+    for (i = 0; i < S; ++i) x[i] = IS_CLASSICAL ? -x[i] : 0.0;
+    for (i = 0; i < K; ++i)
+      x[S + i] = vs_is_on(w, i) && order_of[i] < 3 ? -w->row[residual_row[i]][0] : 0.0;
+    for (i = 0; i < STATES; ++i) {
+      x[SIZE + i] = IS_CLASSICAL ? w->row[rate_row[i]][0] - rate[i] : (Real)0.0;
+    }
+    vs_substitute(of.real, 0, UNKNOWNS, of.real_pivot, x, 0);
+    before = moved;
+    moved = IS_CLASSICAL ? 0.0 : vs_psi_off(m, w);
+    for (i = 0; i < S; ++i) {
+      m->now.acceleration[i] += x[i];
+      m->now.velocity[i] += g * x[i];
+      m->now.angle[i] += g * g * x[i];
+      moved = seriesLarger(moved, fabs(x[i]) / vs_tolerance(it, m->now.acceleration[i]));
+    }
+    for (i = 0; i < K; ++i) {
+      if (IS_CLASSICAL)
+        m->now.multiplier[i] += x[S + i];
+      else if (TRANSMITS)
+        m->now.multiplier[i] += g * x[S + i];
+    }
+    for (i = 0; i < STATES; ++i) {
+      scene_signal* const s = &m->now.input[state_input[i]];
+      s->start = s->target = s->start + g * x[SIZE + i];
+      rate[i] += x[SIZE + i];
+    }
+    if (STATES > 0) vs_enter_inputs(m, w, 0);
+  }
+}

@@ -1,0 +1,446 @@
+/* Implicit steps, for motions whose fastest components have died away: Radau IIA (radau_tables.h).
+ * Stage j, at t + c_j h, has the unknowns y = (epsilon, mu, z'), and
+ *     omega_j = omega + h sum_k A_jk epsilon_k,  phi_j = phi + h sum_k A_jk omega_k,
+ *     z_j = z + h sum_k A_jk z'_k,
+ *     z'_j = rate_j,  psi_j = 0 (of order 3: C eta_j + c_0 = 0, eta the slope of epsilon's
+ * polynomial) gauss: R_j = D_j' mu_j;  generalized: R_j - R = h sum_k A_jk (C' mu + 1/2 J' omega
+ * J^-1 R)_k with R = J epsilon + n - Q: no derivative of a torque is needed, and stages satisfy psi
+ * = 0 however stiff it is. Newton's iteration has the exact derivatives by the state at the
+ * beginning; they are coefficients 1 of the rows along each direction. With A = T diag(g / h) T^-1
+ * it is one real system and some complex ones of the size of y, with omega = g epsilon, phi = g^2
+ * epsilon, z = g z'.
+ *
+ * A step's polynomials through the stages take the place of its series: all that follows (events,
+ * samples, the step's end) reads rows. */
+
+/* The number of unknowns of a stage, and of directions that residuals are differentiated along. */
+#define UNKNOWNS (SIZE + STATES)
+#define DIRECTIONS (3 * S + STATES)
+
+/* The order of series along a step that was made by other means. */
+enum { VS_ALONG = 8 };
+
+#ifndef VS_WORK
+#define VS_WORK(m) (m)->work
+#define VS_PIVOTS(m) (m)->pivot
+#endif
+
+/* Where the arrays of a step are in the model's memory. */
+typedef struct {
+  const vs_radau* method;
+  double h;                   /* s */
+  double *y, *residual, *sum; /* stages x unknowns */
+  double *R, *P;              /* R and its rate, stages + 1 (the first: of the begin) x S */
+  double* input;              /* rows of inputs, stages x INPUT_ROW_COUNT */
+  double* slope;              /* of residuals, directions x unknowns */
+  double* pull_slope;         /* of P, directions x S */
+  double* values;             /* of all rows at three stages */
+  double *real, *pair[VS_MOST_PAIRS];
+  int *real_pivot, *pair_pivot[VS_MOST_PAIRS];
+} vs_stages;
+
+VS_FUNCTION_RARE void vs_lay_out(scene_model* m, int which, vs_stages* of) {
+  double* next = VS_WORK(m);
+  int* pivot = VS_PIVOTS(m);
+  int p;
+  (void)m;
+  of->method = &vs_radau_of[which];
+#define VS_PLACE(field, count) of->field = next, next += (count)
+  VS_PLACE(y, VS_MOST_STAGES * UNKNOWNS);
+  VS_PLACE(residual, VS_MOST_STAGES * UNKNOWNS);
+  VS_PLACE(sum, VS_MOST_STAGES * UNKNOWNS);
+  VS_PLACE(R, (VS_MOST_STAGES + 1) * S);
+  VS_PLACE(P, (VS_MOST_STAGES + 1) * S);
+  VS_PLACE(input, VS_MOST_STAGES * INPUT_ROW_COUNT);
+  VS_PLACE(slope, DIRECTIONS * UNKNOWNS);
+  VS_PLACE(pull_slope, DIRECTIONS * S);
+  VS_PLACE(values, 3 * SCENE_ROWS);
+  VS_PLACE(real, UNKNOWNS * UNKNOWNS);
+  for (p = 0; p < VS_MOST_PAIRS; ++p) VS_PLACE(pair[p], 2 * UNKNOWNS * UNKNOWNS);
+#undef VS_PLACE
+  of->real_pivot = pivot;
+  for (p = 0; p < VS_MOST_PAIRS; ++p) of->pair_pivot[p] = pivot + (p + 1) * UNKNOWNS;
+}
+
+/* ---- Linear systems: complex ones have their imaginary part behind the real one. ---- */
+
+/* L U of an n x n matrix with row exchanges; im: 0 of a real one. False where it is singular. */
+VS_RARE int vs_decompose(double* re, double* im, int n, int* pivot) {
+  int i, j, p;
+  for (p = 0; p < n; ++p) {
+    double largest = 0.0, square, a, b;
+    pivot[p] = p;
+    for (i = p; i < n; ++i) {
+      const double size = fabs(re[n * i + p]) + (im != 0 ? fabs(im[n * i + p]) : 0.0);
+      if (size > largest) {
+        largest = size;
+        pivot[p] = i;
+      }
+    }
+    if (!(largest > 0.0) || !isfinite(largest)) return 0;
+    for (j = 0; j < n && pivot[p] != p; ++j) {
+      const double x = re[n * p + j], y = im != 0 ? im[n * p + j] : 0.0;
+      re[n * p + j] = re[n * pivot[p] + j];
+      re[n * pivot[p] + j] = x;
+      if (im == 0) continue;
+      im[n * p + j] = im[n * pivot[p] + j];
+      im[n * pivot[p] + j] = y;
+    }
+    a = re[n * p + p];
+    b = im != 0 ? im[n * p + p] : 0.0;
+    square = a * a + b * b;
+    a /= square; /* 1 / (a + i b) */
+    b /= -square;
+    re[n * p + p] = a;
+    if (im != 0) im[n * p + p] = b;
+    for (i = p + 1; i < n; ++i) {
+      const double x = re[n * i + p], y = im != 0 ? im[n * i + p] : 0.0;
+      const double f = x * a - y * b, g = x * b + y * a;
+      if (x == 0.0 && y == 0.0) continue;
+      re[n * i + p] = f;
+      for (j = p + 1; j < n; ++j) re[n * i + j] -= f * re[n * p + j];
+      if (im == 0) continue;
+      im[n * i + p] = g;
+      for (j = p + 1; j < n; ++j) {
+        re[n * i + j] += g * im[n * p + j];
+        im[n * i + j] -= f * im[n * p + j] + g * re[n * p + j];
+      }
+    }
+  }
+  return 1;
+}
+
+/* x = M^-1 x by vs_decompose's factors. */
+VS_RARE void vs_substitute(const double* re, const double* im, int n, const int* pivot, double* x,
+                           double* y) {
+  int i, j;
+  for (i = 0; i < n; ++i) {
+    const double a = x[pivot[i]], b = im != 0 ? y[pivot[i]] : 0.0;
+    x[pivot[i]] = x[i];
+    x[i] = a;
+    if (im == 0) continue;
+    y[pivot[i]] = y[i];
+    y[i] = b;
+  }
+  for (i = 0; i < n; ++i) {
+    for (j = 0; j < i; ++j) x[i] -= re[n * i + j] * x[j];
+    for (j = 0; j < i && im != 0; ++j) {
+      x[i] += im[n * i + j] * y[j];
+      y[i] -= re[n * i + j] * y[j] + im[n * i + j] * x[j];
+    }
+  }
+  for (i = n - 1; i >= 0; --i) {
+    double a, b;
+    for (j = i + 1; j < n; ++j) x[i] -= re[n * i + j] * x[j];
+    for (j = i + 1; j < n && im != 0; ++j) {
+      x[i] += im[n * i + j] * y[j];
+      y[i] -= re[n * i + j] * y[j] + im[n * i + j] * x[j];
+    }
+    a = x[i];
+    b = im != 0 ? y[i] : 0.0;
+    x[i] = re[n * i + i] * a - (im != 0 ? im[n * i + i] * b : 0.0);
+    if (im != 0) y[i] = re[n * i + i] * b + im[n * i + i] * a;
+  }
+}
+
+/* ---- Stages ---- */
+
+/* The rows of inputs at each stage of a step from `from`. */
+VS_FUNCTION_RARE void vs_enter_stage_inputs(scene_model* m, scene_series* w,
+                                            const scene_state* from, const vs_stages* of) {
+  int i, j, k;
+  for (j = 0; j < of->method->stages; ++j) {
+    const double at = of->method->point[j] * of->h;
+    for (i = 0; i < INPUTS; ++i) {
+      scene_signal* const s = &m->now.input[i];
+      const int has_arrived = from->input[i].age + at >= s->end * (1.0 - 1e-14);
+      s->age = has_arrived ? s->end : from->input[i].age + at;
+    }
+    vs_enter_inputs(m, w, 0);
+    for (k = 0; k < INPUT_ROW_COUNT; ++k)
+      of->input[INPUT_ROW_COUNT * j + k] = w->row[input_row[k]][0];
+  }
+  for (i = 0; i < INPUTS; ++i) m->now.input[i].age = from->input[i].age;
+}
+
+/* sum_k A_jk y_k of n unknowns from the first one on. */
+VS_FUNCTION_INLINE double vs_sum_of_stages(const vs_stages* of, const double* weight, int n) {
+  double sum = weight[0] * of->y[n];
+  int k;
+  for (k = 1; k < of->method->stages; ++k) sum += weight[k] * of->y[UNKNOWNS * k + n];
+  return sum;
+}
+
+/* The state at stage j. */
+VS_FUNCTION_INLINE void vs_enter_stage_state(scene_series* w, const scene_state* from,
+                                             const vs_stages* of, int j) {
+  const double* const y = of->y + UNKNOWNS * j;
+  const double* const weight = of->method->A[j];
+  const double at = of->method->point[j] * of->h;
+  int i;
+  for (i = 0; i < S; ++i) {
+    w->row[ACCELERATION + i][0] = y[i];
+    w->row[VELOCITY + i][0] = from->velocity[i] + of->h * vs_sum_of_stages(of, weight, i);
+    w->row[ANGLE + i][0] = from->angle[i] + at * from->velocity[i] +
+                           of->h * of->h * vs_sum_of_stages(of, of->method->A2[j], i);
+  }
+  for (i = 0; i < K; ++i) {
+    w->row[MULTIPLIER + i][0] = y[S + i];
+    if (TRANSMITS && !IS_CLASSICAL)
+      w->row[TRANSMITTED + i][0] =
+          from->multiplier[i] + of->h * vs_sum_of_stages(of, weight, S + i);
+  }
+  for (i = 0; i < STATES; ++i)
+    w->row[STATE + i][0] =
+        from->input[state_input[i]].start + of->h * vs_sum_of_stages(of, weight, SIZE + i);
+}
+
+/* All formulas at stage j. */
+VS_FUNCTION_RARE void vs_enter_stage(scene_series* w, const scene_state* from, const vs_stages* of,
+                                     int j) {
+  int k;
+  w->row[TIME][0] = from->time + (from->time_rest + of->method->point[j] * of->h);
+  for (k = 0; k < INPUT_ROW_COUNT; ++k)
+    w->row[input_row[k]][0] = of->input[INPUT_ROW_COUNT * j + k];
+  vs_enter_stage_state(w, from, of, j);
+  vs_enter_formulas(w);
+}
+
+/* R, and P = C' Lambda + 1/2 J' omega J^-1 R, of the state that was entered. With a direction of
+ * its own, D' lambda of a constraint is no part of R. */
+VS_FUNCTION_INLINE int vs_find_reaction(scene_series* w, double* R, double* P) {
+  int e, i, p;
+  if (INERTIA_VARIES && !IS_CLASSICAL) {
+    if (!vs_factor_inertia(w)) return 0;
+    vs_note_pull(w, 0);
+  }
+  vs_reaction(w, R);
+  for (i = 0; i < S; ++i) P[i] = IS_CLASSICAL ? 0.0 : (double)vs_connection(w, i);
+  for (p = 0; p < K; ++p) {
+    const int is_own = IS_CLASSICAL || has_direction[p];
+    const double transmitted = w->row[TRANSMITTED + p][0], Lambda = w->row[MULTIPLIER + p][0];
+    for (e = entry_begin[p]; e < entry_begin[p + 1] && vs_is_on(w, p); ++e) {
+      i = entry_shaft[e];
+      if (is_own)
+        R[i] -= vs_direction(w, p, i) * transmitted;
+      else
+        P[i] += vs_entry(w, p, i) * Lambda;
+    }
+  }
+  return 1;
+}
+
+/* The residuals of all stages, with the rows of stage j noted as coefficients j + 1 of the step's.
+ */
+VS_FUNCTION_RARE int vs_find_residuals(scene_model* m, scene_series* it, scene_series* w,
+                                       const scene_state* from, const vs_stages* of) {
+  const int s = of->method->stages;
+  int e, i, j, k, p, r;
+  for (j = 0; j < s; ++j) {
+    double* const F = of->residual + UNKNOWNS * j;
+    vs_enter_stage(w, from, of, j);
+    if (!vs_find_reaction(w, of->R + S * (j + 1), of->P + S * (j + 1))) return 0;
+    for (p = 0; p < K; ++p) {
+      F[S + p] = vs_is_on(w, p) ? w->row[residual_row[p]][0] : w->row[MULTIPLIER + p][0];
+      for (e = entry_begin[p]; e < entry_begin[p + 1] && order_of[p] == 3; ++e) {
+        double eta = 0.0;
+        i = entry_shaft[e];
+        for (k = 0; k < s; ++k)
+          eta += of->method->inverse[j][k] * (of->y[UNKNOWNS * k + i] - from->acceleration[i]);
+        F[S + p] += vs_entry(w, p, i) * eta / of->h;
+      }
+    }
+    for (i = 0; i < STATES; ++i)
+      F[SIZE + i] = of->y[UNKNOWNS * j + SIZE + i] - w->row[rate_row[i]][0];
+    for (r = 0; r < SHOWN; ++r) it->row[shown_row[r]][j + 1] = w->row[shown_row[r]][0];
+  }
+  for (j = 0; j < s; ++j) {
+    for (i = 0; i < S; ++i) {
+      double* const F = of->residual + UNKNOWNS * j + i;
+      *F = of->R[S * (j + 1) + i];
+      if (IS_CLASSICAL) continue;
+      *F -= of->R[i];
+      for (k = 0; k < s; ++k) *F -= of->h * of->method->A[j][k] * of->P[S * (k + 1) + i];
+    }
+  }
+  (void)m;
+  return 1;
+}
+
+/* ---- Newton's iteration ---- */
+
+/* The derivatives of the residuals by the state that was entered in w, along each of epsilon,
+ * omega, phi and z. */
+VS_FUNCTION_RARE void vs_find_slopes(scene_series* w, const scene_state* from,
+                                     const vs_stages* of) {
+  int e, i, j, k, p, q;
+  for (i = 0; i < 3 * S; ++i) w->row[ANGLE + i][1] = 0.0;
+  for (i = 0; i < K + S + (TRANSMITS && !IS_CLASSICAL ? K : 0); ++i)
+    w->row[MULTIPLIER + i][1] = 0.0;
+  for (k = 0; k < INPUT_ROW_COUNT; ++k) w->row[input_row[k]][1] = 0.0;
+  w->row[TIME][1] = 0.0;
+  w->is_path = 1;
+  for (q = 0; q < DIRECTIONS; ++q) {
+    double* const slope = of->slope + UNKNOWNS * q;
+    double* const pull = of->pull_slope + S * q;
+    const int along = q < S       ? ACCELERATION + q
+                      : q < 2 * S ? VELOCITY + q - S
+                      : q < 3 * S ? ANGLE + q - 2 * S
+                                  : STATE + q - 3 * S;
+    for (i = 0; i < UNKNOWNS; ++i) slope[i] = 0.0;
+    for (i = 0; i < S; ++i) pull[i] = 0.0;
+    if (q < S ? !READS_ACCELERATIONS : q >= 2 * S && q < 3 * S && !reads_angle[q - 2 * S]) continue;
+    w->row[along][1] = 1.0;
+    w->order = 0;
+    vs_extend(w);
+    w->row[along][1] = 0.0;
+    for (i = 0; i < S; ++i) {
+      slope[i] = w->row[inertial_row[i]][1] - w->row[torque_row[i]][1];
+      for (j = 0; j < S && IS_GENERAL; ++j)
+        slope[i] += w->row[pair_row[S * i + j]][1] * from->acceleration[j];
+      if (INERTIA_VARIES && !IS_GENERAL)
+        slope[i] += w->row[inertia_row[i]][1] * from->acceleration[i];
+    }
+    for (p = 0; p < K; ++p) {
+      if (!vs_is_on(w, p)) continue;
+      slope[S + p] = w->row[residual_row[p]][1];
+      for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
+        i = entry_shaft[e];
+        if (IS_CLASSICAL || has_direction[p])
+          slope[i] -= w->row[direction_row[S * p + i]][1] * w->row[TRANSMITTED + p][0];
+        else
+          pull[i] += w->row[entry_row[S * p + i]][1] * w->row[MULTIPLIER + p][0];
+      }
+    }
+    for (i = 0; i < STATES; ++i) slope[SIZE + i] = -w->row[rate_row[i]][1];
+  }
+  w->is_path = 0;
+}
+
+/* Entry (i, q) of the derivative of residual i by unknown q in powers of g: f[0] + f[1] g + f[2]
+ * g^2
+ * + f[3] g^3 + f[4] / g. */
+VS_FUNCTION_INLINE void vs_find_powers(const scene_series* w, const vs_stages* of, int i, int q,
+                                       double* f) {
+  int n;
+  for (n = 0; n < 5; ++n) f[n] = 0.0;
+  if (q < S) {
+    for (n = 0; n < 3; ++n) f[n] = of->slope[UNKNOWNS * (S * n + q) + i];
+    for (n = 0; n < 3 && i < S && !IS_CLASSICAL; ++n)
+      f[n + 1] -= of->pull_slope[S * (S * n + q) + i];
+    if (i < S) f[0] += i == q || IS_COUPLED ? (double)vs_inertia(w, i, q) : 0.0;
+    if (i < S || i >= SIZE || !vs_is_on(w, i - S)) return;
+    if (order_of[i - S] == 3)
+      f[4] = vs_entry(w, i - S, q);
+    else /* (the slope along epsilon, if it was found, is C, too) */
+      f[0] = vs_entry(w, i - S, q);
+  } else if (q < SIZE) {
+    if (i == q && !vs_is_on(w, i - S)) f[0] = 1.0;
+    if (i < S && vs_is_on(w, q - S)) f[!IS_CLASSICAL] = -vs_direction(w, q - S, i);
+  } else {
+    f[1] = of->slope[UNKNOWNS * (2 * S + q - K) + i];
+    if (i < S && !IS_CLASSICAL) f[2] = -of->pull_slope[S * (2 * S + q - K) + i];
+    if (i == q) f[0] = 1.0;
+  }
+}
+
+/* The factors of the matrices of a step of h. False where one is singular. */
+VS_FUNCTION_RARE int vs_factor_stages(const scene_series* w, const vs_stages* of) {
+  const int n = UNKNOWNS, pairs = of->method->stages / 2;
+  const double g = of->h / of->method->real;
+  double re[VS_MOST_PAIRS], im[VS_MOST_PAIRS], f[5];
+  int i, p, q;
+  for (p = 0; p < pairs; ++p) { /* h / (a + i b) */
+    const double a = of->method->pair[p][0], b = of->method->pair[p][1];
+    re[p] = of->h * a / (a * a + b * b);
+    im[p] = -of->h * b / (a * a + b * b);
+  }
+  for (i = 0; i < n; ++i) {
+    for (q = 0; q < n; ++q) {
+      vs_find_powers(w, of, i, q, f);
+      of->real[n * i + q] = f[0] + g * (f[1] + g * (f[2] + g * f[3])) + f[4] / g;
+      for (p = 0; p < pairs; ++p) {
+        const double square = re[p] * re[p] + im[p] * im[p];
+        double x = f[3], y = 0.0, z;
+        int k;
+        for (k = 2; k >= 0; --k) {
+          z = x * re[p] - y * im[p] + f[k];
+          y = x * im[p] + y * re[p];
+          x = z;
+        }
+        of->pair[p][n * i + q] = x + f[4] * re[p] / square;
+        of->pair[p][n * (n + i) + q] = y - f[4] * im[p] / square;
+      }
+    }
+  }
+  if (!vs_decompose(of->real, 0, n, of->real_pivot)) return 0;
+  for (p = 0; p < pairs; ++p) {
+    if (!vs_decompose(of->pair[p], of->pair[p] + n * n, n, of->pair_pivot[p])) return 0;
+  }
+  return 1;
+}
+
+/* One correction of the stages. Its size in tolerances of the state at the begin. */
+VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stages* of) {
+  const vs_radau* const method = of->method;
+  const int s = method->stages, n = UNKNOWNS;
+  double size = 0.0, rest = 0.0;
+  int i, j, k;
+  for (k = 0; k < s; ++k) {
+    for (i = 0; i < n; ++i) {
+      double sum = 0.0;
+      for (j = 0; j < s; ++j) sum -= method->from_T[k][j] * of->residual[n * j + i];
+      of->sum[n * k + i] = sum;
+    }
+  }
+  vs_substitute(of->real, 0, n, of->real_pivot, of->sum, 0);
+  for (k = 1; k < s; k += 2)
+    vs_substitute(of->pair[k / 2], of->pair[k / 2] + n * n, n, of->pair_pivot[k / 2],
+                  of->sum + n * k, of->sum + n * (k + 1));
+  for (j = 0; j < s; ++j) {
+    for (i = 0; i < n; ++i) {
+      double change = 0.0;
+      for (k = 0; k < s; ++k) change += method->T[j][k] * of->sum[n * k + i];
+      of->residual[n * j + i] = change; /* (residuals have been used) */
+      of->y[n * j + i] += change;
+      rest += 0.0 * change;
+    }
+  }
+  for (j = 0; j < s; ++j) {
+    for (i = 0; i < n; ++i) {
+      double change = 0.0;
+      if (i >= S && i < SIZE) continue;
+      for (k = 0; k < s; ++k) change += method->A[j][k] * of->residual[n * k + i];
+      change = fabs(of->h * change) /
+               vs_tolerance(it, it->row[i < S ? VELOCITY + i : STATE + i - SIZE][0]);
+      size = seriesLarger(size, change);
+      if (i >= S || IS_CLASSICAL) continue;
+      change = fabs(of->residual[n * j + i]) / vs_tolerance(it, it->row[ACCELERATION + i][0]);
+      size = seriesLarger(size, change);
+    }
+  }
+  return size + rest;
+}
+
+/* Newton's iterations, the number of which is *rounds. False where they do not converge. */
+VS_FUNCTION_RARE int vs_find_stages(scene_model* m, scene_series* it, scene_series* w,
+                                    const scene_state* from, const vs_stages* of, int* rounds) {
+  enum { VS_MOST_ROUNDS = 8 };
+  const double left = 0.02; /* part of the tolerance that the iteration may leave */
+  double previous = 0.0, rate = 1.0;
+  for (*rounds = 1; *rounds <= VS_MOST_ROUNDS; ++*rounds) {
+    double size;
+    if (!vs_find_residuals(m, it, w, from, of)) return 0;
+    size = vs_correct_stages(it, of);
+    if (!isfinite(size)) return 0;
+    if (size <= 0.1 * left) return 1;
+    if (*rounds > 1) {
+      rate = size / previous;
+      if (rate >= 1.0) return size <= left; /* rounding is all that is left */
+      if (rate / (1.0 - rate) * size <= left) return 1;
+      if (*rounds > 3 && pow(rate, VS_MOST_ROUNDS - *rounds) / (1.0 - rate) * size > left) return 0;
+    }
+    previous = size;
+  }
+  return 0;
+}
