@@ -167,7 +167,7 @@ void Integrator::describeEnd(double* state, double* multiplier, double* longest_
 
 bool Integrator::mayStepBySeries() const {
   return step_.status.ok() && step_.phase == StepPhase::kStepping && !crossing_.isEndOnEvent() &&
-         step_.choice.stepper().stepsBySeries() &&
+         step_.choice.mayBeProgram() &&
          step_.drivetrain.inputSegmentEnd() > step_.end.time + shortestStep(step_.end.time);
 }
 

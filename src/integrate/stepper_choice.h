@@ -43,6 +43,10 @@ class StepperChoice {
   bool isAutomatic() const { return automatic_; }
   /// True when `auto` steps implicitly, and not only because it nears rest.
   bool isImplicit() const { return active_ == &implicit_ && why_ == Why::kStiff; }
+  /// True where a scene's program may make the steps, by series or implicitly.
+  bool mayBeProgram() const {
+    return stepper().stepsBySeries() || (stepper().isImplicit() && why_ == Why::kStiff);
+  }
   /// True when steps have the size that the scene gives, whatever their error.
   bool isFixed() const { return fixed_; }
   /// Makes the steps.

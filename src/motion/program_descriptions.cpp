@@ -105,7 +105,17 @@ std::string ProgramMotion::describeStop() {
 }
 
 std::string ProgramMotion::describeStepper() const {
-  return motion_ != nullptr ? motion_->describeStepper() : "taylor (the scene's own program)";
+  if (scene.solver.stepper != StepperKind::kAuto)
+    return std::string(stepperName()) + " (as the scene says)";
+  if (is_integrated_) return motion_->describeStepper();
+  std::string text =
+      isImplicit()
+          ? "auto (radau, as stability limited the steps of taylor"
+          : "auto (taylor, the series of this scene; radau when stability limits its steps";
+  if (isImplicit() && switches() == 0) text += " at the start";
+  if (switches() > 0)
+    text += "; changed " + std::to_string(switches()) + (switches() == 1 ? " time" : " times");
+  return text + ")";
 }
 
 // --- machine code ----------------------------------------------------------------------------

@@ -37,6 +37,7 @@ void ProgramMotion::commandIntegrated() {
 bool ProgramMotion::mayTakeOver() {
   Integrator& integrator = motion_->integrator;
   if (steps_left_ > 0 || !integrator.mayStepBySeries()) return false;
+  if (program_->CHOOSES_METHOD == 0 && !integrator.stepsBySeries()) return false;
   // A controller's machine is to be seen at rest at once.
   return integrator.stepStart().time < integrator.stepEnd().time || !integrator.sleepExactly();
 }
@@ -56,6 +57,10 @@ void ProgramMotion::describeIntegrated() {
   it_.time = signal_origin_.time();
   it_.time_rest = signal_origin_.rest();
   it_.usual = kFirstUnit;
+  it_.choice = {};
+  const Stepper& stepper = integrator.choice().stepper();
+  if (stepper.isImplicit()) it_.choice.method = 1;
+  it_.choice.left = kFewSteps;
   describeInputs();
 }
 
@@ -129,6 +134,7 @@ bool ProgramMotion::reconsider() {
       return true;
     }
   }
+  if (program_->CHOOSES_METHOD != 0) return false;
   StepperChoice& choice = motion_->integrator.choice();
   if (!choice.isAutomatic() || !choice.suspect([this] { return calcStiffness(); })) return false;
   handOver(0, it_.usual);

@@ -6,7 +6,6 @@
 #include <sstream>
 #include <utility>
 
-#include "integrate/series_stiffness.h"
 #include "variator_sim/errors.h"
 
 namespace variator_sim {
@@ -78,6 +77,8 @@ void ProgramMotion::reset() {
   progress_.begin(0.0);
   patience_ = kFirstPatience;
   steps_left_ = 0;
+  switches_ = 0;
+  it_.choice = {};
   has_step_ = false;
   is_integrated_ = motion_ != nullptr;
   if (is_integrated_) {
@@ -144,7 +145,6 @@ void ProgramMotion::takeMemory() {
 }
 
 void ProgramMotion::beginAnew() {
-  made_since_ = 0;
   host_->leave(&it_);
   noteRounding();
   if (next_host_ != nullptr) host_ = std::move(next_host_);
@@ -175,7 +175,9 @@ bool ProgramMotion::step(double end) {
     status_.time = frontTime();
     return false;
   }
-  if (next_host_ != nullptr || made_since_ >= kMostBetween) beginAnew();
+  // (Implicit steps begin Newton's iteration at the last one, which a beginning forgets.)
+  const bool is_due = made_since_ > 0 && made_since_ % kMostBetween == 0;
+  if (is_due || (next_host_ != nullptr && !isImplicit())) beginAnew();
   const double expected = sinceFront(rhythm_.next());
   const double longest = std::min(scene.solver.maximum_step, kLongestStep);
   const double left =
@@ -184,6 +186,7 @@ bool ProgramMotion::step(double end) {
   begin_rest_ = it_.time_rest;
   applied_before_ = applied_;
   std::copy_n(state_, 3 * scene.shaftCount(), before_);
+  const int method = it_.choice.method;
   const scene_status status = host_->step(left, &it_);
   Statistics& counted = statistics();
   counted.rejected_steps += static_cast<std::uint64_t>(it_.rejections);
@@ -197,17 +200,16 @@ bool ProgramMotion::step(double end) {
     // (Steps that time does not resolve, none of which was refused, are those of a pole.)
     const bool has_no_series =
         status == SCENE_NOT_FINITE || (status == SCENE_TOO_MANY_STEPS && it_.rejections > 0);
-    handOver(has_no_series ? 0 : patience_);
-    if (has_no_series) {
-      motion_->integrator.giveUpSeries();
-    } else {
-      patience_ = std::min(2 * patience_, kMostPatience);
-    }
+    handOver(patience_);
+    patience_ = std::min(2 * patience_, kMostPatience);
+    if (has_no_series) motion_->integrator.giveUpSeries();
     return stepIntegrated(end);
   }
   noteEvents();
   ++made_since_;
   ++counted.steps;
+  if (it_.choice.method != method) ++switches_;
+  if (method != 0) ++counted.implicit_steps;
   if (it_.passed >= 0 || it_.is_event != 0) ++counted.kinks;
   if (motion_ == nullptr && it_.is_still != 0 && !is_still_) ++counted.sleeps;
   is_still_ = it_.is_still != 0;

@@ -37,7 +37,9 @@ class ProgramMotion final : public MotionBase {
     return motion_ != nullptr ? motion_->status() : status_;
   }
   Statistics& statistics() override {
-    return motion_ != nullptr ? motion_->statistics() : statistics_;
+    Statistics& counted = motion_ != nullptr ? motion_->statistics() : statistics_;
+    counted.stepper_switches = switches();
+    return counted;
   }
   void reset() override;
   bool isSleeping() const override {
@@ -62,7 +64,8 @@ class ProgramMotion final : public MotionBase {
   bool takeModeEvent(ModeEvent* event) override;
   std::string describeStop() override;
   const char* stepperName() const override {
-    return is_integrated_ ? motion_->stepperName() : "taylor";
+    if (is_integrated_) return motion_->stepperName();
+    return isImplicit() ? "radau" : "taylor";
   }
   std::string describeStepper() const override;
   std::vector<std::string> skips() const override;
@@ -131,6 +134,12 @@ class ProgramMotion final : public MotionBase {
   scene_status goOnFrom(const MotionState& state, bool may_move);
   /// Writes the closed forms of the inputs at the current time.
   void describeInputs();
+  /// Changes of the stepper, here and by the integrator.
+  std::uint64_t switches() const {
+    return switches_ + (motion_ != nullptr ? motion_->integrator.choice().switches() : 0);
+  }
+  /// True where the program makes implicit steps.
+  bool isImplicit() const { return it_.choice.method != 0; }
   /// Takes over the values of states and variables from the program.
   void takeMemory();
   /// Cuts the last step at the current time.
@@ -157,6 +166,8 @@ class ProgramMotion final : public MotionBase {
   /// Steps that the integrator makes at least where the program has made none, or near rest: the
   /// first time, and at most.
   static constexpr int kFirstPatience = 8;
+  /// Implicit steps behind those of the integrator, before series are tried again.
+  static constexpr int kFewSteps = 3;
   static constexpr int kMostPatience = 1024;
   /// Steps in a row that change the state by so many tolerances only, or, of a motion that time
   /// drives, by next to nothing, are near rest.
@@ -168,13 +179,14 @@ class ProgramMotion final : public MotionBase {
   bool is_integrated_ = false;      ///< it makes the steps
   int steps_left_ = 0;              ///< that it makes at least
   int patience_ = kFirstPatience;
-  int settling_ = 0;  ///< steps near rest in a row
+  int settling_ = 0;            ///< steps near rest in a row
+  std::uint64_t switches_ = 0;  ///< between series and implicit steps
 
   const std::shared_ptr<const MotionProgram> program_;
   std::unique_ptr<HostedMotion> host_;
   std::unique_ptr<HostedMotion> next_host_;  ///< takes over at the next beginning, or null
   std::shared_ptr<KernelLibrary> library_;   ///< of machine code, or null
-  int made_since_ = 0;                       ///< steps, since the last beginning
+  int made_since_ = 0;                       ///< steps, since the state was given
 
   vs_exchange it_ = {};  ///< its arrays are those below; its time is the end of the last step
   double state_[3 * kMaxShafts] = {};
