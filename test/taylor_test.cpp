@@ -153,7 +153,7 @@ TEST(Taylor, IsLeftForAFewStepsWhereThereIsNoSeries) {
   EXPECT_STREQ(simulation.stepperName(), "radau");
   EXPECT_LE(simulation.statistics().rejected_steps, 1u);  // of the first size that is tried
   expectMotionOfFehlberg78(simulation, torque, 3.0, 1e-7);
-  EXPECT_STREQ(simulation.stepperName(), "taylor");
+  EXPECT_GE(simulation.statistics().stepper_switches, 2u);  // to series, and back near rest
   EXPECT_LE(simulation.statistics().implicit_steps, 30u);
 }
 
