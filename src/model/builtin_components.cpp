@@ -1,4 +1,6 @@
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "variator_sim/component_factory.h"
 #include "variator_sim/laws.h"
@@ -7,7 +9,7 @@ namespace variator_sim {
 
 #define VARIATOR_SIM_MAKE(name) \
   if (type == "variator_sim/" #name) return std::make_shared<name>();
-#define VARIATOR_SIM_TYPE(name) "variator_sim/" #name,
+#define VARIATOR_SIM_TYPE(name) std::string("variator_sim/" #name),
 
 ConstraintPtr BuiltinComponentFactory::createConstraint(const std::string& type) {
   VARIATOR_SIM_CONSTRAINTS(VARIATOR_SIM_MAKE)
