@@ -1,6 +1,5 @@
 #include "ros/simulation_server.h"
 
-#include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
 
@@ -9,6 +8,8 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <iterator>
+#include <iterator>
 #include <utility>
 
 #include "ros/nanoseconds.h"
@@ -68,6 +69,7 @@ ClockRole roleFor(const NodeSettings& settings) {
 
 std::vector<NamedValues> makeAllQuantities(const Simulation& simulation) {
   std::vector<NamedValues> messages;
+  messages.reserve(std::size(kQuantityGroups));
   for (const QuantityGroup group : kQuantityGroups) {
     messages.push_back(makeQuantities(simulation, group));
   }
