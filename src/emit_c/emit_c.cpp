@@ -319,7 +319,7 @@ void writeEmittedScene(const EmittedScene& scene, const std::string& directory) 
   for (const EmittedFile& file : files) {
     const std::string path = (folder / file.name).string();
     const std::string reason = writeWholeFile(path, withSum(file, file.text));
-    if (!reason.empty()) throw std::runtime_error(path + ": " + reason);
+    if (!reason.empty()) throw std::runtime_error(std::string(path).append(": ").append(reason));
   }
 }
 

@@ -9,7 +9,6 @@
 #include <cmath>
 #include <cstring>
 #include <iterator>
-#include <iterator>
 #include <utility>
 
 #include "ros/nanoseconds.h"
