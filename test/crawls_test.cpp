@@ -54,7 +54,8 @@ Played expectNoCrawl(const std::string& yaml, double end) {
       EXPECT_NEAR(named.sample.velocity[i], chosen.sample.velocity[i], 1e-6);
     }
   }
-  // (Implicit steps of the program have 5 stages, those by name up to 7; each costs a third.)
+  // (Implicit steps of the program have 5 stages, those by name up to 7; each costs less than
+  // half.)
   EXPECT_LE(chosen.tried(), 4 * best + 100) << "of the best one by name: " << best;
   EXPECT_LT(chosen.tried(), 1500U);
   return chosen;

@@ -111,17 +111,17 @@ is 0, 1 when the motion stopped (the reason is on standard error), 2 for bad usa
 )md";
 
 const char* const kLimits = R"md(
-## What it does
+## Steps
 
 At each step the motion is expanded into power series of the order `SCENE_ORDER` that the scene's tolerances
 ask for (relative @RELATIVE@, absolute @ABSOLUTE@). A call makes as many parts of a step as the last
 coefficients ask for, and ends one where a formula changes its branch (abs, min, max, sign, if, points
 of tables). A command that jumps moves the accelerations by the jump map of `simulate`.
 
-## What it does not do
+## Limits
 
-- It has one method. `solver/stepper` and `solver/step` of the scene are not read: a stiff motion costs
-  many parts of a step, and `SCENE_TOO_MANY_STEPS` stops it at SCENE_MOST_STEPS of them in one call.
+- Stiff motions get implicit steps only where `principle` is `gauss`, `solver/stepper` is `auto` and no element holds:
+  others cost many parts of a step, and `SCENE_TOO_MANY_STEPS` stops them at SCENE_MOST_STEPS of them in one call.
 - Where a formula has no power series (sqrt(x) at x = 0) or no value it stops: `SCENE_NOT_FINITE`.
 - It stops for `SCENE_CHATTERING` where a formula jumps and the motion turns back at once (dry friction
   by `sign` at rest; an element that holds does not), as `simulate` does.

@@ -118,25 +118,12 @@ void SeriesProgram::listResolved() {
 }
 
 bool SeriesProgram::haveArgumentsGoneFar(const double* from, const double* to) const {
-  constexpr double kFar = 0.4;  // part of the radius of convergence of an operation
   for (const SeriesOperation& it : hiding_) {
     const double a = from[it.a];
     const double b = it.b < 0 ? a : from[it.b];
     const double second = it.second < 0 ? a : from[it.second];
     const double other = it.b < 0 ? 0.0 : std::abs(to[it.b] - b);
-    double moved = std::abs(to[it.a] - a);
-    bool is_far;
-    if (it.kind == kSeriesProduct) {
-      // (One that is nearly constant leaves a multiple of the other one, which is checked itself.)
-      is_far = moved > kFar * std::abs(a) && other > kFar * std::abs(b);
-    } else {
-      if (it.kind == kSeriesQuotient) moved = other;
-      if (it.kind == kSeriesAtan2) moved += other;
-      if (it.kind == kSeriesPower) moved *= std::max(1.0, std::abs(it.f));
-      is_far = seriesIsFar(it.kind, kFar, 1.0, a, b, second, moved) > 0.0 &&
-               !(seriesIsFlat(it.kind, a, moved) > 0.0);
-    }
-    if (is_far) return true;
+    if (seriesHasGoneFar(&it, a, b, second, std::abs(to[it.a] - a), other) != 0) return true;
   }
   return false;
 }

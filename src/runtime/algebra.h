@@ -2,6 +2,9 @@
  *     J epsilon - D' mu = a,   C epsilon = g
  * which orders of a series, projections, jumps and first accelerations solve. */
 
+/* Methods of steps. */
+enum { VS_BY_SERIES, VS_IMPLICIT };
+
 /* Modes of elements that hold. A sliding one has a torque with the sign of its slip, one that is
  * stuck a constraint. */
 enum { VS_BACKWARD = -1, VS_STUCK = 0, VS_FORWARD = 1, VS_FREE = 2 };

@@ -139,8 +139,7 @@ VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it,
   for (g = 0; g < HOLDS; ++g) {
     for (k = 0; k < VS_CONDITIONS; ++k) {
       const double reach = *theta * (1.0 + 1e-12) + rounding;
-      if (!it->is_implicit && vs_condition(m, it, g, k, c) &&
-          !(vs_clearance(c, it->order, reach, 0.0, INFINITY) > 0.0))
+      if (vs_condition(m, it, g, k, c) && !(vs_clearance(c, it->order, reach, 0.0, INFINITY) > 0.0))
         *theta = vs_known_part(c, it->order, *theta);
     }
   }

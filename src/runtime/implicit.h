@@ -18,31 +18,24 @@ VS_FUNCTION_RARE void vs_guess_stages(const scene_series* it, const scene_series
   }
 }
 
-/* p'(0) h of the polynomial through the values of a row. */
-VS_FUNCTION_INLINE double vs_first_slope(const vs_stages* of, const Real* row) {
-  double sum = 0.0;
-  int j;
-  for (j = 0; j < of->method->stages; ++j) sum += of->method->B[0][j] * (row[j + 1] - row[0]);
-  return sum;
-}
-
-/* The coefficient of theta^s of the same. */
-VS_FUNCTION_INLINE double vs_last_coefficient(const vs_stages* of, const Real* row) {
-  const double* const B = of->method->B[of->method->stages - 1];
+/* Coefficient n + 1, of theta^(n + 1), of the polynomial through the values of a row. */
+VS_FUNCTION_INLINE double vs_coefficient(const vs_stages* of, int n, const Real* row) {
+  const double* const B = of->method->B[n];
   double sum = 0.0;
   int j;
   for (j = 0; j < of->method->stages; ++j) sum += B[j] * (row[j + 1] - row[0]);
   return sum;
 }
 
-/* x = the changes of (epsilon, mu, z') in an implicit step of g that changes the state along q by
- * `by` before them, and R by x. */
-VS_FUNCTION_RARE void vs_damp(const vs_stages* of, double* by, double* x) {
+/* Adds to the changes `by` of the state, along q, those that an implicit step of g has because of
+ * them. */
+VS_FUNCTION_RARE void vs_damp(const vs_stages* of, double* by) {
   const double g = of->h / of->method->real;
+  double* const x = of->sum;
   int i, q;
+  for (i = 0; i < UNKNOWNS; ++i) x[i] = 0.0;
   for (q = S; q < DIRECTIONS; ++q) {
     for (i = 0; i < UNKNOWNS; ++i) x[i] -= of->slope[UNKNOWNS * q + i] * by[q];
-    for (i = 0; i < S && !IS_CLASSICAL; ++i) x[i] += g * of->pull_slope[S * q + i] * by[q];
   }
   vs_substitute(of->real, 0, UNKNOWNS, of->real_pivot, x, 0);
   for (i = 0; i < S; ++i) {
@@ -66,54 +59,31 @@ VS_FUNCTION_RARE double vs_acceleration_noise(const scene_series* it, const vs_s
  * (IV.8.20)). */
 VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* of, int is_first) {
   const double g = of->h / of->method->real;
-  double* const x = of->sum;
-  double* const by = of->residual;
+  double* const by = of->left;
   /* the largest |theta (theta - c_1) .. (theta - c_s)| */
   const double between = of->method->stages == 3 ? 0.018 : 0.0011;
   double norm = 0.0, rest = 0.0;
-  int e, i, j, p;
-  for (i = 0; i < UNKNOWNS; ++i) x[i] = 0.0;
+  int i;
   for (i = 0; i < S; ++i) {
     const Real *const omega = it->row[VELOCITY + i], *const phi = it->row[ANGLE + i];
-    by[S + i] = g * (it->row[ACCELERATION + i][0] - vs_first_slope(of, omega) / of->h);
-    by[2 * S + i] = g * (omega[0] - vs_first_slope(of, phi) / of->h + by[S + i]);
+    by[S + i] = g * (it->row[ACCELERATION + i][0] - vs_coefficient(of, 0, omega) / of->h);
+    by[2 * S + i] = g * (omega[0] - vs_coefficient(of, 0, phi) / of->h + by[S + i]);
   }
   for (i = 0; i < STATES; ++i)
-    by[3 * S + i] = g * (it->row[rate_row[i]][0] - vs_first_slope(of, it->row[STATE + i]) / of->h);
-  for (i = 0; i < S && !IS_CLASSICAL; ++i) {
-    double slope = 0.0;
-    for (j = 0; j < of->method->stages; ++j)
-      slope += of->method->B[0][j] * (of->R[S * (j + 1) + i] - of->R[i]);
-    x[i] = by[i] = g * (of->P[i] - slope / of->h);
-  }
-  for (p = 0; p < K; ++p) {
-    if (order_of[p] < 3) continue;
-    x[S + p] = -it->row[residual_row[p]][0];
-    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
-      i = entry_shaft[e];
-      x[S + p] -= vs_entry(it, p, i) * vs_first_slope(of, it->row[ACCELERATION + i]) / of->h;
-    }
-  }
-  vs_damp(of, by, x);
-  if (is_first) { /* and again: R has changed by by + g C' x */
-    for (i = 0; i < S && !IS_CLASSICAL; ++i) {
-      for (p = 0; p < K; ++p) by[i] += g * vs_direction(it, p, i) * x[S + p];
-    }
-    for (i = 0; i < S; ++i) {
-      x[i] = IS_CLASSICAL ? 0.0 : by[i];
-      by[2 * S + i] += g * by[S + i];
-    }
-    for (i = S; i < UNKNOWNS; ++i) x[i] = 0.0;
-    vs_damp(of, by, x);
-  }
+    by[3 * S + i] =
+        g * (it->row[rate_row[i]][0] - vs_coefficient(of, 0, it->row[STATE + i]) / of->h);
+  vs_damp(of, by);
+  for (i = 0; i < S && is_first; ++i) by[2 * S + i] += g * by[S + i];
+  if (is_first) vs_damp(of, by);
   for (i = 0; i < S; ++i) {
+    const Real* const epsilon = it->row[ACCELERATION + i];
+    const double off = between * vs_coefficient(of, of->method->stages - 1, epsilon);
     norm = seriesLarger(norm, fabs(by[S + i]) / vs_tolerance(it, it->row[VELOCITY + i][0]));
     if (FIRST_JUDGED == 0)
       norm = seriesLarger(norm, fabs(by[2 * S + i]) / vs_tolerance(it, it->row[ANGLE + i][0]));
-    if (IS_CLASSICAL) x[i] = between * vs_last_coefficient(of, it->row[ACCELERATION + i]);
-    norm = seriesLarger(norm, fabs(x[i]) / (vs_tolerance(it, it->row[ACCELERATION + i][0]) +
-                                            vs_acceleration_noise(it, of, i)));
-    rest += 0.0 * x[i];
+    norm = seriesLarger(
+        norm, fabs(off) / (vs_tolerance(it, epsilon[0]) + vs_acceleration_noise(it, of, i)));
+    rest += 0.0 * off;
   }
   for (i = 0; i < STATES; ++i) {
     norm = seriesLarger(norm, fabs(by[3 * S + i]) / vs_tolerance(it, it->row[STATE + i][0]));
@@ -128,9 +98,7 @@ VS_FUNCTION_RARE void vs_note_stages(scene_series* it, scene_series* w, const sc
   int j, r;
   for (j = 0; j < of->method->stages; ++j) {
     vs_enter_stage_state(w, from, of, j);
-    for (r = ANGLE; r < STATE + STATES; ++r) {
-      if (r < PULL || r >= PULL + S) it->row[r][j + 1] = w->row[r][0];
-    }
+    for (r = ANGLE; r < STATE + STATES; ++r) it->row[r][j + 1] = w->row[r][0];
   }
 }
 
@@ -161,7 +129,6 @@ VS_FUNCTION_RARE void vs_interpolate_stages(scene_series* it, const vs_stages* o
 /* True if an operation may do between the stages, whose values are in the rows, what none of them
  * shows: its argument goes further than a part of its radius of convergence. */
 VS_FUNCTION_RARE int vs_may_hide(const scene_series* it, int stages) {
-  const double far = 0.4;
   int n, j;
   for (n = 0; n < RESOLVED; ++n) {
     const struct SeriesOperation* const op = &resolved[n];
@@ -176,27 +143,17 @@ VS_FUNCTION_RARE int vs_may_hide(const scene_series* it, int stages) {
       moved = seriesLarger(moved, fabs(a[j] - a[0]));
       other = seriesLarger(other, op->b < 0 ? 0.0 : fabs(b[j] - b[0]));
     }
-    if (op->kind == kSeriesProduct) {
-      if (moved > far * fabs(a[0]) && other > far * fabs(b[0])) return 1;
-      continue;
-    }
-    if (op->kind == kSeriesQuotient) moved = other;
-    if (op->kind == kSeriesAtan2) moved += other;
-    if (op->kind == kSeriesPower) moved *= seriesLarger(1.0, fabs(op->f));
-    if (seriesIsFar(op->kind, far, 1.0, a[0], b[0], second, moved) > 0.0 &&
-        !(seriesIsFlat(op->kind, a[0], moved) > 0.0))
-      return 1;
+    if (seriesHasGoneFar(op, a[0], b[0], second, moved, other)) return 1;
   }
   return 0;
 }
 
-/* True if no formula does along the step's polynomials what its series there does not show. */
-VS_FUNCTION_RARE int vs_is_path_resolved(scene_model* m, const scene_series* it, scene_series* w,
+/* True if no formula does along an implicit step what its series there does not show. */
+VS_FUNCTION_RARE int vs_is_step_resolved(scene_model* m, const scene_series* it, scene_series* w,
                                          const scene_state* from, const vs_stages* of) {
   const int last = VS_ALONG < (int)SCENE_ORDER ? VS_ALONG : SCENE_ORDER;
   const double* const at[3] = {of->values, of->values + SCENE_ROWS, of->values + 2 * SCENE_ROWS};
-  double rest = 0.0;
-  int is_resolved, n, r;
+  int n, r;
   for (n = 0; n < 3; ++n) {
     if (n > 0)
       vs_enter_stage(w, from, of, n == 1 ? of->method->stages / 2 : of->method->stages - 1);
@@ -206,22 +163,11 @@ VS_FUNCTION_RARE int vs_is_path_resolved(scene_model* m, const scene_series* it,
   w->unit = it->unit;
   vs_enter_inputs(m, w, last);
   vs_enter_state(m, w);
-  for (n = 1; n <= last; ++n) w->row[TIME][n] = n == 1 ? w->unit : 0.0;
-  for (r = ANGLE; r < STATE + STATES; ++r) {
-    for (n = 1; n <= last; ++n) w->row[r][n] = n <= it->order ? it->row[r][n] : 0.0;
+  for (n = 1; n <= last; ++n) {
+    w->row[TIME][n] = n == 1 ? w->unit : 0.0;
+    for (r = ANGLE; r < STATE + STATES; ++r) w->row[r][n] = n <= it->order ? it->row[r][n] : 0.0;
   }
-  w->order = 0;
-  w->is_path = 1;
-  while (w->order < last) vs_extend(w);
-  w->is_path = 0;
-  is_resolved = vs_is_resolved_in_ranges(w, of->h / w->unit, at);
-  for (r = 0; r < SCENE_ROWS; ++r) {
-    for (n = 0; n <= last; ++n) rest += 0.0 * w->row[r][n];
-  }
-  /* Sums by fours read what lies behind the last coefficient. */
-  for (r = 0; r < SCENE_ROWS && rest != 0.0; ++r)
-    memset(w->row[r] + 1, 0, sizeof w->row[r] - sizeof(Real));
-  return is_resolved;
+  return vs_is_path_resolved(w, last, of->h / w->unit, at);
 }
 
 /* Polynomials of an implicit step of at most `limit` s from the state. */
@@ -235,7 +181,7 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
   const double past = known == w ? m->reached : 0.0;
   vs_stages of;
   double h = m->choice.ahead > 0.0 ? m->choice.ahead : m->usual > 0.0 ? m->usual : 1e-3;
-  int i, rounds, trial, is_known = known != 0;
+  int rounds, trial, is_known = known != 0;
   if (!is_begun && !vs_begin_here(m, vs_unit_of(seriesSmaller(limit, h)))) return SCENE_SINGULAR;
   vs_lay_out(m, RELATIVE_TOLERANCE <= 1e-5 ? 1 : 0, &of);
   of.h = h = seriesSmaller(h, limit);
@@ -244,8 +190,6 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
   w->unit = it->unit = vs_unit_of(h);
   vs_enter_inputs(m, w, 0);
   vs_enter_state(m, w);
-  for (i = 0; i < K; ++i) w->row[MULTIPLIER + i][0] = it->row[MULTIPLIER + i][0];
-  if (!vs_find_reaction(w, of.R, of.P)) return SCENE_SINGULAR;
   vs_find_slopes(w, &from, &of);
   for (trial = 0; trial < 40 && h > least; ++trial) {
     double error = 0.0, part;
@@ -277,7 +221,7 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
     }
     may_hide = vs_may_hide(it, of.method->stages);
     vs_interpolate_stages(it, &of);
-    if (may_hide && !vs_is_path_resolved(m, it, w, &from, &of)) {
+    if (may_hide && !vs_is_step_resolved(m, it, w, &from, &of)) {
       ++m->rejections;
       h *= 0.5;
       continue;
@@ -290,30 +234,14 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
   return SCENE_TOO_MANY_STEPS;
 }
 
-/* The accelerations, in tolerances, that what psi is off would have to move. */
-VS_FUNCTION_RARE double vs_psi_off(const scene_model* m, const scene_series* w) {
-  double largest = 0.0;
-  int e, p;
-  for (p = 0; p < K; ++p) {
-    double C = 0.0, least = INFINITY;
-    if (!vs_is_on(w, p) || order_of[p] == 3) continue;
-    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
-      C = seriesLarger(C, fabs(vs_entry(w, p, entry_shaft[e])));
-      least = seriesSmaller(least, vs_tolerance(w, m->now.acceleration[entry_shaft[e]]));
-    }
-    largest = seriesLarger(largest, fabs(w->row[residual_row[p]][0]) / (C * least));
-  }
-  return largest;
-}
-
-/* The state of an implicit step, which m->now is, on the constraints: what psi is off, and of gauss
- * R, an implicit step of g to this instant takes from the velocities. (The accelerations alone
- * would have to move by as much times the rate of a fast component; of gauss they follow from the
- * state, which is off between the stages by the error of its polynomials.) */
+/* Moves the state, which m->now is, at theta of an implicit step as one of g to this instant would
+ * be: there it satisfies the equations of a stage, and the accelerations are those of its
+ * polynomials. (Accelerations follow from the state, which is off by the error of these, and would
+ * be off by as much times the rate of a fast component.) */
 VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, double theta) {
+  enum { VS_MOST_ROUNDS = 8 };
   const scene_series* const it = vs_series(m);
   vs_stages of;
-  enum { VS_MOST_ROUNDS = 8 };
   double rate[MOST_INPUTS + 1];
   double g, *x, moved = INFINITY, before = INFINITY;
   int i, round;
@@ -324,32 +252,21 @@ VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, doub
   x = of.sum;
   for (i = 0; i < STATES; ++i) rate[i] = vs_evaluate(it->row[rate_row[i]], it->order, theta);
   vs_enter_inputs(m, w, 0);
-  /* (C turns with time, and each round leaves a part of what psi is off.) */
   for (round = 0; round < VS_MOST_ROUNDS && moved > 0.01 && (round < 2 || moved < 0.5 * before);
        ++round) {
     vs_enter_state(m, w);
-    if (!vs_find_reaction(w, x, of.P)) return;
-    for (i = 0; i < S; ++i) x[i] = IS_CLASSICAL ? -x[i] : 0.0;
-    for (i = 0; i < K; ++i)
-      x[S + i] = vs_is_on(w, i) && order_of[i] < 3 ? -w->row[residual_row[i]][0] : 0.0;
-    for (i = 0; i < STATES; ++i) {
-      x[SIZE + i] = IS_CLASSICAL ? w->row[rate_row[i]][0] - rate[i] : (Real)0.0;
-    }
+    vs_find_rest(m, w, VS_LEAST_REACTION, m->now.multiplier, x);
+    for (i = 0; i < STATES; ++i) x[SIZE + i] = w->row[rate_row[i]][0] - rate[i];
     vs_substitute(of.real, 0, UNKNOWNS, of.real_pivot, x, 0);
     before = moved;
-    moved = IS_CLASSICAL ? 0.0 : vs_psi_off(m, w);
+    moved = 0.0;
     for (i = 0; i < S; ++i) {
       m->now.acceleration[i] += x[i];
       m->now.velocity[i] += g * x[i];
       m->now.angle[i] += g * g * x[i];
       moved = seriesLarger(moved, fabs(x[i]) / vs_tolerance(it, m->now.acceleration[i]));
     }
-    for (i = 0; i < K; ++i) {
-      if (IS_CLASSICAL)
-        m->now.multiplier[i] += x[S + i];
-      else if (TRANSMITS)
-        m->now.multiplier[i] += g * x[S + i];
-    }
+    for (i = 0; i < K; ++i) m->now.multiplier[i] += x[S + i];
     for (i = 0; i < STATES; ++i) {
       scene_signal* const s = &m->now.input[state_input[i]];
       s->start = s->target = s->start + g * x[SIZE + i];

@@ -79,17 +79,7 @@ VS_FUNCTION void vs_note_pull(scene_series* it, int n) {
   for (i = 0; i < S; ++i) r[PULL + i][n] = y[i];
 }
 
-/* 1/2 J' omega J^-1 R, or B J^-1 R: R' less its covariant form G */
-VS_FUNCTION Real vs_connection(const scene_series* it, int i) {
-  Real sum = 0.0;
-  int j;
-  for (j = 0; j < S && IS_GENERAL; ++j)
-    sum += it->row[turn_row[S * i + j]][0] * it->row[PULL + j][0];
-  if (INERTIA_VARIES && !IS_GENERAL) sum = it->row[connection_row[i]][0] * it->row[PULL + i][0];
-  return sum;
-}
-
-/* Coefficients n of time and state, and the formulas that read no accelerations. */
+/* Coefficients n of time and state. */
 VS_FUNCTION_INLINE void vs_integrate(scene_series* it, int n) {
   vs_row* const r = it->row;
   const Real q = it->unit * (1.0 / n);
@@ -103,7 +93,7 @@ VS_FUNCTION_INLINE void vs_integrate(scene_series* it, int n) {
   for (i = 0; i < STATES; ++i) r[STATE + i][n] = q * r[rate_row[i]][n - 1];
 }
 
-/* The unknowns of order n, and the formulas that read them. */
+/* The unknowns of order n, and the formulas that constraints read. */
 VS_FUNCTION_INLINE void vs_solve_order(scene_series* it, int n) {
   vs_row* const r = it->row;
   const Real q = it->unit * (1.0 / n);
@@ -166,6 +156,25 @@ VS_FUNCTION void vs_extend(scene_series* it) {
   vs_order(it, ++it->order);
 }
 #endif
+
+/* True if no formula does along a path of theta units, whose time and state are in the rows up to
+ * `last`, what its series there does not show. at: see vs_is_resolved_in_ranges. */
+VS_FUNCTION_RARE int vs_is_path_resolved(scene_series* it, int last, double theta,
+                                         const double* const* at) {
+  double rest = 0.0; /* 0 * finite = 0 */
+  int is_resolved, n, r;
+  it->is_path = 1;
+  for (it->order = 0; it->order < last;) vs_extend(it);
+  it->is_path = 0;
+  is_resolved = vs_is_resolved_in_ranges(it, theta, at);
+  for (r = 0; r < SCENE_ROWS; ++r) {
+    for (n = 0; n <= last; ++n) rest += 0.0 * it->row[r][n];
+  }
+  /* Sums by fours read what lies behind the last coefficient. */
+  for (r = 0; r < SCENE_ROWS && rest != 0.0; ++r)
+    memset(it->row[r] + 1, 0, sizeof it->row[r] - sizeof(Real));
+  return is_resolved;
+}
 
 /* Polynomials of an implicit step leave no coefficients to the series that begins in their place:
  * those behind the degree of a formula stay 0. */

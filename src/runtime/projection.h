@@ -1,8 +1,7 @@
 /* States on the constraints: velocities on f = 0, accelerations on psi = 0 or of least reaction. */
 
 /* Newton's iteration: the correction that was made to S values is small enough. */
-VS_FUNCTION int vs_has_converged(const scene_model* m, const scene_series* it, const Real* values,
-                                 const Real* change, double* previous) {
+VS_FUNCTION int vs_has_converged(const Real* values, const Real* change, double* previous) {
   double size = 0.0;
   double length = 0.0;
   int i, ends;
@@ -13,10 +12,8 @@ VS_FUNCTION int vs_has_converged(const scene_model* m, const scene_series* it, c
     if (!isfinite(values[i])) return 0;
   }
   ends = size <= VS_CONVERGED * length || size == 0.0;
-  /* Rounding keeps corrections to tiny values from shrinking, and those of stiff constraints. */
-  ends = ends || (size >= 0.5 * *previous &&
-                  (size <= 1e-12 * (length + 1.0) ||
-                   (m->choice.method != 0 && size <= 0.1 * vs_tolerance(it, length))));
+  /* Rounding keeps corrections to tiny values from shrinking. */
+  ends = ends || (size >= 0.5 * *previous && size <= 1e-12 * (length + 1.0));
   *previous = ends && VS_CONVERGES_LATE ? -1.0 : size;
   return ends && !VS_CONVERGES_LATE;
 }
@@ -35,7 +32,7 @@ VS_FUNCTION scene_status vs_project_velocities(scene_model* m, scene_series* it)
       x[S + i] = order_of[i] == 1 ? -it->row[velocity_residual_row[i]][0] : vs_zero;
     vs_solve(it, x);
     for (i = 0; i < S; ++i) m->now.velocity[i] += x[i];
-    if (vs_has_converged(m, it, m->now.velocity, x, &previous)) return SCENE_OK;
+    if (vs_has_converged(m->now.velocity, x, &previous)) return SCENE_OK;
   }
   return HAS_ORDER_1 ? SCENE_NOT_CONVERGED : SCENE_OK;
 }
@@ -99,7 +96,7 @@ VS_FUNCTION scene_status vs_settle(scene_model* m, scene_series* it, int what, R
     for (i = 0; i < K && lambda != 0; ++i) lambda[i] += x[S + i];
     for (i = 0; i < K; ++i) it->row[MULTIPLIER + i][0] = m->now.multiplier[i];
     for (i = 0; i < K && TRANSMITS; ++i) it->row[TRANSMITTED + i][0] = m->now.multiplier[i];
-    if (vs_has_converged(m, it, m->now.acceleration, x, &previous)) {
+    if (vs_has_converged(m->now.acceleration, x, &previous)) {
       vs_corrected(it, 0, x);
       vs_rest(it, 0);
       return SCENE_OK;

@@ -131,9 +131,7 @@ VS_FUNCTION scene_status vs_move_to(scene_model* m, const scene_state* before, c
   const double h = theta * vs_series(m)->unit;
   m->now = *before;
   vs_go(m, VS_INSTANT(m, at, theta));
-#ifndef VS_TANGENTS
   vs_settle_implicitly(m, &m->series[1 - m->present], theta);
-#endif
   *expected = m->now;
   return vs_arrive(m, &m->series[1 - m->present], vs_unit_of(seriesLarger(h, 0.25 * m->usual)),
                    SCENE_ORDER);
@@ -212,41 +210,35 @@ VS_FUNCTION scene_status vs_land(scene_model* m, const vs_event* at, double* the
 
 /* Polynomials of a step of at most `limit` s, by the method that was chosen. */
 VS_FUNCTION scene_status vs_find_polynomials(scene_model* m, double limit) {
-#ifndef VS_TANGENTS
   /* (Series make a step that is no longer than theirs.) */
   if (CHOOSES_METHOD && m->choice.method == VS_IMPLICIT && limit > m->choice.by_series) {
     const scene_status status = vs_expand_implicitly(m, limit);
     if (status == SCENE_OK) return status;
     vs_give_up_implicit(m);
   }
-#endif
   return vs_expand(m, limit);
 }
 
-/* The first event up to *theta. Behind it the formulas are others: the polynomials of an implicit
- * step, which stages behind it were part of, are made anew up to it. They are known a little
+/* The first event up to *theta. The formulas behind it are others: the polynomials of an implicit
+ * step, some stages of which were behind it, are made anew up to it. They are known a little
  * further. */
 VS_FUNCTION vs_event vs_find_first(scene_model* m, double* theta, scene_status* status) {
   enum { VS_MOST_ROUNDS = 10 };
   const double further = 1.02;
   vs_event at = {0.0, -1, 0, 0.0, 0.0, -1, 0};
   int round;
+  *status = SCENE_OK;
+  if (!vs_series(m)->is_implicit) return vs_find_event(m, vs_series(m), theta, -1);
   for (round = 0; *status == SCENE_OK; ++round) {
-    const scene_series* const it = vs_series(m);
-    double end = it->is_implicit ? further * *theta : *theta;
-    at = vs_find_event(m, it, &end, -1);
-    if (!it->is_implicit || (at.guard < 0 && at.element < 0)) {
-      if (!it->is_implicit) *theta = end;
-      break;
-    }
+    double end = further * *theta;
+    at = vs_find_event(m, vs_series(m), &end, -1);
+    if (at.guard < 0) break;
     if (at.theta == 0.0 || at.theta >= *theta / further || round == VS_MOST_ROUNDS) {
       *theta = end;
       break;
     }
-#ifndef VS_TANGENTS
-    *status = vs_expand_implicitly(m, at.theta * it->unit);
-    *theta = m->usual / it->unit;
-#endif
+    *status = vs_expand_implicitly(m, at.theta * vs_series(m)->unit);
+    *theta = m->usual / vs_series(m)->unit;
   }
   return at;
 }
@@ -267,7 +259,6 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
     double defect = 0.0, h, part;
     /* An event at which nothing jumps is passed like any other step's end. */
     int is_smooth;
-    status = SCENE_OK;
     at = vs_find_first(m, &theta, &status);
     if (status != SCENE_OK) return status;
     is_smooth = at.guard < 0 || (!at.jumps && !HAS_ORDER_1 && !(IS_CLASSICAL && IS_CURVED));
@@ -297,9 +288,7 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
         is_smooth = 0;
         m->event = theta;
       }
-#ifndef VS_TANGENTS
       vs_choose_method(m, vs_series(m), h);
-#endif
       if (is_smooth) {
         m->present = 1 - m->present;
         m->begun = m->now;

@@ -1,7 +1,6 @@
 /* The choice between steps by series and implicit ones, by the motion alone. */
 
-enum { VS_BY_SERIES, VS_IMPLICIT };
-/* Suspicious steps before implicit ones are tried again, at most. */
+/* Steps under suspicion before implicit ones are tried again, at most. */
 enum { VS_LONGEST_WAIT = 1024 };
 /* Implicit steps before series are tried again. */
 enum { VS_LONGEST_RUN = 100 };
@@ -137,7 +136,7 @@ VS_FUNCTION_RARE void vs_reconsider(scene_model* m) {
   if (choice->by_series > 0.0) m->usual = choice->by_series;
 }
 
-/* Where no implicit step is found, series have the next ones. */
+/* No implicit step was found: series make the next ones. */
 VS_FUNCTION_RARE void vs_give_up_implicit(scene_model* m) {
   vs_go_over(m, VS_BY_SERIES);
   m->choice.wait = VS_LONGEST_WAIT;
