@@ -124,13 +124,18 @@ TEST_F(SharedMachineCode, GoesAlongWithProgramsOfTheSameScene) {
     scene.initial.acceleration.clear();
     return scene;
   };
+  bool is_odd = false;
   for (const char* name : {"/scenes/car.yaml", "/scenes/observed.yaml", "/scenes/stops.yaml",
                            "/cases/crank_elastic/scene.yaml", "/cases/first_order_ratio/scene.yaml",
                            "/../config/ratio_steps.yaml", "/../config/ship.yaml",
                            "/../config/applications/diesel_locomotive.yaml",
                            "/../config/applications/vbelt_vehicle.yaml"}) {
+    is_odd = !is_odd;
     for (const Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+      // A kernel takes seconds of the compiler: each scene has that of one principle.
+      const bool may_have_code = is_odd == (principle == Principle::kGauss);
       for (const bool has_code : {false, true}) {
+        if (has_code && !may_have_code) continue;
         SCOPED_TRACE(std::string(name) + (has_code ? ", machine code" : ""));
         Scene scene = test::sceneFromFile(tests + name);
         scene.principle = principle;
