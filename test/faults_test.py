@@ -142,7 +142,9 @@ class FaultsTest(TestCase):
         self.assertIn('the formulas are being compiled', status.message)
         self.assertTrue(client.trigger('pause').success)
         self.assertTrue(client.step(0.01).success)
-        compilers = [int(line) for line in (folder / 'compilers').read_text().split()]
+        started = folder / 'compilers'
+        wait_for(lambda: started.exists() and started.read_text().endswith('\n'), 'a compiler')
+        compilers = [int(line) for line in started.read_text().split()]
         begin = time.monotonic()
         self.expect_good_end(node, signal.SIGTERM)
         self.assertLess(time.monotonic() - begin, 5.0)
