@@ -11,7 +11,8 @@ VS_FUNCTION int vs_has_converged(const Real* values, const Real* change, double*
     length = seriesLarger(length, fabs(values[i]));
     if (!isfinite(values[i])) return 0;
   }
-  ends = size <= VS_CONVERGED * length || size == 0.0;
+  /* Towards 0 each correction is a part of the last one, which underflows before it is 0. */
+  ends = size <= VS_CONVERGED * length || size <= 1e-100;
   /* Rounding keeps corrections to tiny values from shrinking. */
   ends = ends || (size >= 0.5 * *previous && size <= 1e-12 * (length + 1.0));
   *previous = ends && VS_CONVERGES_LATE ? -1.0 : size;
