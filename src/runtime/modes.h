@@ -45,7 +45,8 @@ VS_FUNCTION_RARE scene_status vs_take_sides(scene_model* m, scene_series* it,
   if (status == SCENE_OK) status = vs_settle(m, it, VS_DECIDED, m->now.multiplier, 0, 0.0, 25);
   if (status != SCENE_OK) return status;
   if (!vs_begin(it, m->now.multiplier, 1)) return SCENE_SINGULAR;
-  while (it->order < vs_decides_by()) vs_extend(it);
+  /* A step's whole series may contradict modes that fewer orders decided at this instant. */
+  while (it->order < (m->crossings == 0 ? vs_decides_by() : SCENE_ORDER)) vs_extend(it);
   return SCENE_OK;
 }
 
@@ -82,11 +83,14 @@ VS_FUNCTION_RARE scene_status vs_take_modes(scene_model* m, scene_series* it,
   }
 }
 
-/* The first element with a condition that does not hold, and which one; HOLDS if there is none. */
-VS_FUNCTION_RARE int vs_find_wrong(const scene_model* m, const scene_series* it, int* k) {
+/* The first element with a condition that does not hold, and which one, `kept` after all others;
+ * HOLDS if there is none. */
+VS_FUNCTION_RARE int vs_find_wrong(const scene_model* m, const scene_series* it, int kept, int* k) {
   Real c[VS_STRIDE];
-  int h;
-  for (h = 0; h < HOLDS; ++h) {
+  int n;
+  for (n = 0; n <= HOLDS; ++n) {
+    const int h = n < HOLDS ? n : kept;
+    if (n == kept || h == HOLDS) continue;
     for (*k = 0; *k < VS_CONDITIONS; ++*k) {
       if (vs_condition(m, it, h, *k, c) && vs_first_sign(c, it->order) < 0.0) return h;
     }
@@ -168,52 +172,80 @@ VS_FUNCTION_RARE int vs_count_modes(scene_model* m, const int* is_open, const in
 
 VS_FUNCTION_RARE int vs_all_hold(scene_model* m, scene_series* it, const scene_state* from) {
   int k;
-  return vs_take_modes(m, it, from) == SCENE_OK && vs_find_wrong(m, it, &k) == HOLDS;
+  return vs_take_modes(m, it, from) == SCENE_OK && vs_find_wrong(m, it, HOLDS, &k) == HOLDS;
+}
+
+/* Exchanges the mode of the first element whose conditions do not hold until all do, which ends for
+ * limits that do not depend on the mode (Murty's least index); but that of `kept`. False if they
+ * never do. */
+VS_FUNCTION_RARE int vs_exchange_modes(scene_model* m, scene_series* it, const scene_state* from,
+                                 int* first, int* is_open, int kept) {
+  int h, k, round;
+  for (round = 0; round < 5 * HOLDS + 5; ++round) {
+    if (vs_take_modes(m, it, from) != SCENE_OK) return 0;
+    h = vs_find_wrong(m, it, kept, &k);
+    if (h == HOLDS || h == kept) return h == HOLDS;
+    m->now.mode[h] = vs_next_mode(m, it, h, k);
+    if (m->now.mode[h] == VS_FREE || first[h] == VS_FREE) {
+      first[h] = m->now.mode[h];
+      is_open[h] = has_gap[h] || first[h] == VS_STUCK;
+    }
+  }
+  return 0;
+}
+
+/* Notes the elements that hold more at rest than they transmit while they slide. */
+VS_FUNCTION_RARE void vs_find_static(scene_series* it, int* is_static) {
+  int h;
+  for (h = 0; h < HOLDS; ++h) it->row[side_row[h]][0] = 1.0;
+  vs_enter_formulas(it);
+  for (h = 0; h < HOLDS; ++h)
+    is_static[h] = has_upper[h] && it->row[upper_row[h]][0] > it->row[slide_row[h]][0];
 }
 
 /* Elements that would hold more at rest than they transmit while they slide may do either: those
- * that can stick do. The modes all hold before and behind. */
+ * that can stick do, though others let go then, but for elements of their kind. The modes all hold
+ * before and behind. */
 VS_FUNCTION_RARE void vs_stick(scene_model* m, scene_series* it, const scene_state* from,
-                               const int* first) {
-  int h;
+                               const int* first, const int* is_open) {
+  int is_static[MOST_HOLDS + 1], begins[MOST_HOLDS + 1], may_change[MOST_HOLDS + 1];
+  int h, i, trials = 0, successes = 0;
   for (h = 0; h < HOLDS; ++h) {
-    const int mode = m->now.mode[h];
-    if (first[h] != VS_STUCK || mode == VS_STUCK || mode == VS_FREE) continue;
+    const scene_state before = m->now;
+    int sticks;
+    if (first[h] != VS_STUCK || before.mode[h] == VS_STUCK || before.mode[h] == VS_FREE) continue;
     if (vs_begins_slipping(m, h)) continue;
+    if (trials++ == 0) vs_find_static(it, is_static);
+    memcpy(begins, first, sizeof begins);
+    memcpy(may_change, is_open, sizeof may_change);
     m->now.mode[h] = VS_STUCK;
-    if (vs_all_hold(m, it, from)) {
+    sticks = is_static[h] ? vs_exchange_modes(m, it, from, begins, may_change, h)
+                          : vs_all_hold(m, it, from);
+    for (i = 0; i < HOLDS; ++i)
+      sticks = sticks && !(is_static[i] && before.mode[i] == VS_STUCK && m->now.mode[i] != VS_STUCK);
+    if (sticks && ++successes <= HOLDS) {
       h = -1; /* another one may be able to now */
       continue;
     }
-    m->now.mode[h] = mode;
+    memcpy(m->now.mode, before.mode, sizeof before.mode);
     (void)vs_take_modes(m, it, from);
   }
 }
 
-/* Looks for modes in which all conditions hold: by exchanges of the first one that does not, which
- * ends for limits that do not depend on the mode (Murty's least index); else among all. */
+/* Looks for modes in which all conditions hold: by exchanges; else among all. */
 VS_FUNCTION_RARE scene_status vs_search_modes(scene_model* m, scene_series* it,
                                               const scene_state* from) {
   int first[MOST_HOLDS + 1], is_open[MOST_HOLDS + 1];
-  int h, k, open = 0, round;
+  int h, open = 0;
   for (h = 0; h < HOLDS; ++h) {
     first[h] = m->now.mode[h] = vs_guess_mode(m, it, h);
     is_open[h] = (first[h] == VS_STUCK && !(closes_below[h] > 0.0)) || vs_is_loss(it, h);
     open += is_open[h];
     if (is_open[h] && !has_gap[h] && vs_begins_slipping(m, h)) m->now.mode[h] = VS_FORWARD;
   }
-  for (round = 0; round < 5 * HOLDS + 5; ++round) {
-    if (vs_take_modes(m, it, from) != SCENE_OK) break;
-    h = vs_find_wrong(m, it, &k);
-    if (h == HOLDS) {
-      vs_stick(m, it, from, first);
-      return SCENE_OK;
-    }
-    m->now.mode[h] = vs_next_mode(m, it, h, k);
-    if (m->now.mode[h] == VS_FREE || first[h] == VS_FREE) {
-      first[h] = m->now.mode[h];
-      is_open[h] = has_gap[h] || first[h] == VS_STUCK;
-    }
+  if (vs_exchange_modes(m, it, from, first, is_open, HOLDS)) {
+    vs_stick(m, it, from, first, is_open);
+    return SCENE_OK;
   }
   for (h = 0; h < HOLDS; ++h) {
     m->now.mode[h] = is_open[h] ? VS_STUCK : first[h];
