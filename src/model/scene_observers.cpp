@@ -270,9 +270,15 @@ void nameObservers(Scene* scene, bool knows_rates) {
       std::string name = element.nameOf(it);
       std::replace(name.begin(), name.end(), '/', '_');
       const Node slip = it.slip.in(graph);
-      const int slot = slotOf(Source::kHeld, heldSlot(HeldValue::kMode, held++));
+      const int slot = slotOf(Source::kHeld, heldSlot(HeldValue::kMode, held));
+      const int multiplier = slotOf(Source::kHeld, heldSlot(HeldValue::kMultiplier, held++));
       add(name + "_slip", [slip] { return slip; });
       add(name + "_mode", [&graph, slot] { return graph.variable(slot); });
+      if (it.losses) continue;
+      const Node slides = it.torque.in(graph);
+      add(name + "_torque", [&graph, slides, multiplier] {
+        return graph.subtract(slides, graph.variable(multiplier));
+      });
     }
   };
   for (const TorquePtr& torque : scene->torques) {
