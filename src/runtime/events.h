@@ -15,13 +15,17 @@ VS_FUNCTION const Real* vs_guard(const scene_series* it, int guard) {
   return it->row[guard < SIGNS ? sign_row[guard] : passage_row[guard - SIGNS]];
 }
 
-VS_FUNCTION void vs_meet(vs_event* found, const Real* c, int last, int guard, double point) {
+/* Roots that are `close` are one event, and a jump among them is what is to be crossed. */
+VS_FUNCTION void vs_meet(vs_event* found, const Real* c, int last, int guard, double point,
+                         double close) {
   /* A motion that begins on the edge of a jump leaves it at once. */
   const int jumps = guard < SIGNS ? sign_jumps[guard] : passage_jumps[guard - SIGNS];
   const double side = vs_first_sign(c, last);
   const int is_start = jumps && c[0] == 0.0 && side != 0.0;
-  const double theta = is_start ? 0.0 : (double)vs_first_root(c, last, found->theta);
-  if (theta > found->theta || (found->guard >= 0 && theta == found->theta)) return;
+  const int is_other = found->guard >= 0 && jumps != found->jumps;
+  const double end = found->theta + (is_other ? (jumps - found->jumps) * close : 0.0);
+  const double theta = is_start || !(end > 0.0) ? 0.0 : (double)vs_first_root(c, last, end);
+  if (theta > end || (found->guard >= 0 && theta == end)) return;
   found->theta = theta;
   found->guard = guard;
   found->jumps = jumps;
@@ -36,10 +40,13 @@ VS_FUNCTION void vs_meet_end(const scene_model* m, const scene_series* it, vs_ev
   int h, k;
   for (h = 0; h < HOLDS; ++h) {
     for (k = 0; k < VS_CONDITIONS; ++k) {
-      double theta;
+      double side, theta;
       if (!vs_condition(m, it, h, k, c)) continue;
-      theta = vs_first_sign(c, it->order) < 0.0 ? 0.0
-                                                : (double)vs_first_root(c, it->order, found->theta);
+      side = vs_first_sign(c, it->order);
+      /* (A level that stays 0 is not above it.) */
+      theta = side < 0.0 || (side == 0.0 && k == 0 && m->now.mode[h] != VS_FREE)
+                  ? 0.0
+                  : (double)vs_first_root(c, it->order, found->theta);
       if (theta > found->theta || (found->element >= 0 && theta == found->theta)) continue;
       found->theta = theta;
       found->element = h;
@@ -151,7 +158,7 @@ VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it,
     for (k = 0; k < 3; ++k) {
       if (!isfinite(points[k]) || (k < 2 && points[k] == points[2])) continue;
       c[0] = vs_guard(it, g)[0] - points[k];
-      vs_meet(&found, c, it->order, g, points[k]);
+      vs_meet(&found, c, it->order, g, points[k], rounding + 2e-14 * found.theta);
     }
   }
   return found;
@@ -303,10 +310,16 @@ VS_FUNCTION scene_status vs_settle_beyond(scene_model* m, scene_series* it, cons
 
 /* No jump lies between the two. */
 VS_FUNCTION int vs_keeps_sides(const scene_series* it, const scene_series* next) {
+  double low, high, on;
   int g;
   for (g = 0; g < SIGNS; ++g) {
     const double side = vs_first_sign(it->row[sign_row[g]], it->order);
     if (sign_jumps[g] && side != 0.0 && !(next->row[sign_row[g]][0] * side > 0.0)) return 0;
+  }
+  for (g = 0; g < TABLES; ++g) {
+    const double x = next->row[passage_row[g]][0];
+    vs_find_points(it, g, it->row[passage_row[g]][0], &low, &high, &on);
+    if (passage_jumps[g] && !(on < INFINITY) && !(x > low && x < high)) return 0;
   }
   return 1;
 }
