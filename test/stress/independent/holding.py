@@ -454,13 +454,14 @@ class Solver:
             values = self.conditions(b, dense(b), modes)
             found = []
             for k, (x, z) in enumerate(zip(before, values)):
-                if z >= -1e-13 or not math.isfinite(z):
+                if z >= -1e-13 or math.isnan(z):
                     continue
-                if not x > 0.0 or not math.isfinite(x):
+                if not x > -1e-13 or math.isinf(x):
                     found.append(a if a > begin + LATER else b)
                     continue
-                root = brentq(lambda t, k=k: self.conditions(t, dense(t), modes)[k], a, b, xtol=1e-14,
-                              rtol=1e-14)
+                # (A shared reserve is 0 where one of its elements transmits nothing.)
+                root = brentq(lambda t, k=k: max(self.conditions(t, dense(t), modes)[k], -1.0) + 1e-13,
+                              a, b, xtol=1e-14, rtol=1e-14)
                 found.append(root)
             if found:
                 return min(found)
