@@ -415,6 +415,86 @@ brake: {type: variator_sim/Brake, shaft: a, capacity: "400 - 399*exp(-((t-5.3)/0
         before = 0.001 * math.sqrt(-math.log(300.0 / 399.0))
         self.assertAlmostEqual(float(events[0][0]), 5.3 - before, delta=1e-9)
 
+    def test_a_brake_lets_go_by_a_late_derivative(self):
+        # The load is at the limit and leaves it by its seventh derivative: w = t^8/8.
+        scene = """
+shafts: [a]
+a: {inertia: 1.0}
+torques: [load, brake]
+load: {type: variator_sim/ExpressionTorque, shaft: a, torque: "5 + t^7"}
+brake: {type: variator_sim/Brake, shaft: a, capacity: 5}
+"""
+        (header, rows), _ = self.simulate(scene, 2.0, 2.0)
+        for row in rows:
+            self.assertAlmostEqual(float(row[header.index("a/velocity")]), float(row[0])**8 / 8.0, delta=1e-7)
+
+    def test_an_element_sticks_though_another_one_lets_go(self):
+        # At 1/5.5 s both may slide on, or b leaves its stop with a: (3.5 - 3)/2 = 0.25 rad/s^2.
+        scene = """
+shafts: [a, b]
+a: {inertia: 1}
+b: {inertia: 1}
+torques: [pull, weight, clutch, backstop]
+pull: {type: variator_sim/ExpressionTorque, shaft: a, torque: 3.5}
+weight: {type: variator_sim/ExpressionTorque, shaft: b, torque: -3}
+clutch: {type: variator_sim/Clutch, shafts: [a, b], capacity: 2, static: 1.7}
+backstop: {type: variator_sim/OneWayClutch, shaft: b}
+initial: {velocity: [-1, 0]}
+"""
+        swapped = scene.replace("clutch, backstop]", "backstop, clutch]")
+        for text in (scene, swapped):
+            (header, rows), events = self.simulate(text, 2.0, 2.0)
+            self.assertEqual(sorted(line[1:4] for line in events),
+                             [["backstop", "stuck", "forward"], ["clutch", "forward", "stuck"]])
+            for column in ("a/velocity", "b/velocity"):
+                self.assertAlmostEqual(float(rows[-1][header.index(column)]), 0.25 * (2.0 - 1.0 / 5.5), delta=1e-9)
+
+    def test_a_capacity_that_ends_at_0_frees_its_element(self):
+        scene = """
+shafts: [a]
+a: {inertia: 0.306}
+inputs: [u]
+u: {topic: u, hold: first_order_hold, initial: 1.0, period: 0.5}
+torques: [load, h0, h1, h2]
+load: {type: variator_sim/ExpressionTorque, shaft: a, torque: "2.77 + -0.063*w1 + 9.22*sin(3.78*t)"}
+h0: {type: variator_sim/Brake, shaft: a, capacity: "5.62*u*(1 + 0.3*sin(z))"}
+h1: {type: variator_sim/Brake, shaft: a, capacity: 6.15, static: 1.54}
+h2: {type: variator_sim/OneWayClutch, shaft: a, capacity: 1.33}
+states: [z]
+z: {rate: w1, initial: -0.81}
+initial: {velocity: [7.88]}
+"""
+        commands = self.folder / "commands.csv"
+        commands.write_text("time,topic,value\n0.25,u,0\n")
+        _, events = self.simulate(scene, 1.0, 50, "--commands", commands)
+        self.assertEqual(events[0][1:4], ["h0", "forward", "free"])
+        self.assertAlmostEqual(float(events[0][0]), 0.75, delta=1e-9)
+
+    def test_formulas_read_the_torque_of_the_column(self):
+        scene = """
+shafts: [a, b]
+a: {inertia: 1}
+b: {inertia: 1}
+torques: [load, brake, clutch]
+load: {type: variator_sim/ExpressionTorque, shaft: b, torque: "6 - 10*t"}
+brake: {type: variator_sim/Brake, shaft: a, capacity: 8}
+clutch: {type: variator_sim/Clutch, shafts: [b, a], capacity: 5, ratio: 2}
+outputs: [brake_told, clutch_told]
+brake_told: {expression: brake_torque}
+clutch_told: {expression: clutch_torque}
+initial: {velocity: [1, 3]}
+"""
+        path = self.folder / "it.yaml"
+        path.write_text(scene)
+        done = call(SIMULATE, path, "--duration", 2, "--rate", 10, "--columns", "elements,outputs", "--output",
+                    self.folder / "s.csv")
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        header, rows = read(self.folder / "s.csv")
+        for row in rows:
+            for name in ("brake", "clutch"):
+                column, told = (float(row[header.index(it)]) for it in (f"{name}/torque", f"outputs/{name}_told"))
+                self.assertAlmostEqual(column, told, delta=1e-9)
+
     def test_two_brakes_on_one_shaft(self):
         # Neither holds 12 N m, both together do until 14 s.
         scene = """

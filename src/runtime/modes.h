@@ -179,7 +179,7 @@ VS_FUNCTION_RARE int vs_all_hold(scene_model* m, scene_series* it, const scene_s
  * limits that do not depend on the mode (Murty's least index); but that of `kept`. False if they
  * never do. */
 VS_FUNCTION_RARE int vs_exchange_modes(scene_model* m, scene_series* it, const scene_state* from,
-                                 int* first, int* is_open, int kept) {
+                                       int* first, int* is_open, int kept) {
   int h, k, round;
   for (round = 0; round < 5 * HOLDS + 5; ++round) {
     if (vs_take_modes(m, it, from) != SCENE_OK) return 0;
@@ -222,7 +222,8 @@ VS_FUNCTION_RARE void vs_stick(scene_model* m, scene_series* it, const scene_sta
     sticks = is_static[h] ? vs_exchange_modes(m, it, from, begins, may_change, h)
                           : vs_all_hold(m, it, from);
     for (i = 0; i < HOLDS; ++i)
-      sticks = sticks && !(is_static[i] && before.mode[i] == VS_STUCK && m->now.mode[i] != VS_STUCK);
+      sticks =
+          sticks && !(is_static[i] && before.mode[i] == VS_STUCK && m->now.mode[i] != VS_STUCK);
     if (sticks && ++successes <= HOLDS) {
       h = -1; /* another one may be able to now */
       continue;

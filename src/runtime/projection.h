@@ -11,12 +11,24 @@ VS_FUNCTION int vs_has_converged(const Real* values, const Real* change, double*
     length = seriesLarger(length, fabs(values[i]));
     if (!isfinite(values[i])) return 0;
   }
-  /* Towards 0 each correction is a part of the last one, which underflows before it is 0. */
-  ends = size <= VS_CONVERGED * length || size <= 1e-100;
+  ends = size <= VS_CONVERGED * length || size == 0.0;
   /* Rounding keeps corrections to tiny values from shrinking. */
   ends = ends || (size >= 0.5 * *previous && size <= 1e-12 * (length + 1.0));
   *previous = ends && VS_CONVERGES_LATE ? -1.0 : size;
   return ends && !VS_CONVERGES_LATE;
+}
+
+/* Adds a correction. What is stuck would come to 0 by ever smaller ones, each the rounding of the
+ * last, until they underflow: such a rest is left to the next one, of which it is 1e-16 at most
+ * where that is the last. */
+VS_FUNCTION void vs_correct(Real* values, const Real* change) {
+  double size = 0.0;
+  int i;
+  for (i = 0; i < S && HOLDS; ++i) size = seriesLarger(size, fabs(change[i]));
+  for (i = 0; i < S; ++i) {
+    values[i] += change[i];
+    if (HOLDS && fabs(values[i]) <= 1e-8 * size) VS_SET_VALUE(values[i], 0.0);
+  }
 }
 
 /* Moves the velocities onto f = 0 of the constraints of order 1: x = -J^-1 C' (C J^-1 C')^-1 f. */
@@ -32,7 +44,7 @@ VS_FUNCTION scene_status vs_project_velocities(scene_model* m, scene_series* it)
     for (i = 0; i < K; ++i)
       x[S + i] = order_of[i] == 1 ? -it->row[velocity_residual_row[i]][0] : vs_zero;
     vs_solve(it, x);
-    for (i = 0; i < S; ++i) m->now.velocity[i] += x[i];
+    vs_correct(m->now.velocity, x);
     if (vs_has_converged(m->now.velocity, x, &previous)) return SCENE_OK;
   }
   return HAS_ORDER_1 ? SCENE_NOT_CONVERGED : SCENE_OK;
@@ -93,7 +105,8 @@ VS_FUNCTION scene_status vs_settle(scene_model* m, scene_series* it, int what, R
     vs_find_rest(m, it, what, lambda, x);
     for (i = 0; i < SIZE && share > 0.0; ++i) x[i] -= share * left[i];
     vs_solve(it, x);
-    for (i = 0; i < S; ++i) it->row[ACCELERATION + i][0] = m->now.acceleration[i] += x[i];
+    vs_correct(m->now.acceleration, x);
+    for (i = 0; i < S; ++i) it->row[ACCELERATION + i][0] = m->now.acceleration[i];
     for (i = 0; i < K && lambda != 0; ++i) lambda[i] += x[S + i];
     for (i = 0; i < K; ++i) it->row[MULTIPLIER + i][0] = m->now.multiplier[i];
     for (i = 0; i < K && TRANSMITS; ++i) it->row[TRANSMITTED + i][0] = m->now.multiplier[i];
