@@ -34,7 +34,7 @@ VS_FUNCTION void vs_meet(vs_event* found, const Real* c, int last, int guard, do
   found->element = -1;
 }
 
-/* The end of a mode: the first root of a condition that was not negative. */
+/* The end of a mode: the first root of a condition that was not negative, or a level that is 0. */
 VS_FUNCTION void vs_meet_end(const scene_model* m, const scene_series* it, vs_event* found) {
   Real c[VS_STRIDE];
   int h, k;
@@ -43,7 +43,6 @@ VS_FUNCTION void vs_meet_end(const scene_model* m, const scene_series* it, vs_ev
       double side, theta;
       if (!vs_condition(m, it, h, k, c)) continue;
       side = vs_first_sign(c, it->order);
-      /* (A level that stays 0 is not above it.) */
       theta = side < 0.0 || (side == 0.0 && k == 0 && m->now.mode[h] != VS_FREE)
                   ? 0.0
                   : (double)vs_first_root(c, it->order, found->theta);

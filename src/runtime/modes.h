@@ -175,9 +175,8 @@ VS_FUNCTION_RARE int vs_all_hold(scene_model* m, scene_series* it, const scene_s
   return vs_take_modes(m, it, from) == SCENE_OK && vs_find_wrong(m, it, HOLDS, &k) == HOLDS;
 }
 
-/* Exchanges the mode of the first element whose conditions do not hold until all do, which ends for
- * limits that do not depend on the mode (Murty's least index); but that of `kept`. False if they
- * never do. */
+/* Exchanges modes whose conditions do not hold, but that of `kept`, until all do, which ends for
+ * limits that do not depend on the mode (Murty's least index). False if they never do. */
 VS_FUNCTION_RARE int vs_exchange_modes(scene_model* m, scene_series* it, const scene_state* from,
                                        int* first, int* is_open, int kept) {
   int h, k, round;
@@ -194,7 +193,6 @@ VS_FUNCTION_RARE int vs_exchange_modes(scene_model* m, scene_series* it, const s
   return 0;
 }
 
-/* Notes the elements that hold more at rest than they transmit while they slide. */
 VS_FUNCTION_RARE void vs_find_static(scene_series* it, int* is_static) {
   int h;
   for (h = 0; h < HOLDS; ++h) it->row[side_row[h]][0] = 1.0;
@@ -204,8 +202,7 @@ VS_FUNCTION_RARE void vs_find_static(scene_series* it, int* is_static) {
 }
 
 /* Elements that would hold more at rest than they transmit while they slide may do either: those
- * that can stick do, though others let go then, but for elements of their kind. The modes all hold
- * before and behind. */
+ * that can stick do, though others, not of their kind, let go. Modes hold before and behind. */
 VS_FUNCTION_RARE void vs_stick(scene_model* m, scene_series* it, const scene_state* from,
                                const int* first, const int* is_open) {
   int is_static[MOST_HOLDS + 1], begins[MOST_HOLDS + 1], may_change[MOST_HOLDS + 1];
@@ -222,8 +219,7 @@ VS_FUNCTION_RARE void vs_stick(scene_model* m, scene_series* it, const scene_sta
     sticks = is_static[h] ? vs_exchange_modes(m, it, from, begins, may_change, h)
                           : vs_all_hold(m, it, from);
     for (i = 0; i < HOLDS; ++i)
-      sticks =
-          sticks && !(is_static[i] && before.mode[i] == VS_STUCK && m->now.mode[i] != VS_STUCK);
+      if (is_static[i] && before.mode[i] == VS_STUCK && m->now.mode[i] != VS_STUCK) sticks = 0;
     if (sticks && ++successes <= HOLDS) {
       h = -1; /* another one may be able to now */
       continue;

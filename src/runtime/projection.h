@@ -19,8 +19,7 @@ VS_FUNCTION int vs_has_converged(const Real* values, const Real* change, double*
 }
 
 /* Adds a correction. What is stuck would come to 0 by ever smaller ones, each the rounding of the
- * last, until they underflow: such a rest is left to the next one, of which it is 1e-16 at most
- * where that is the last. */
+ * last, until they underflow: such a rest is left to the next one. */
 VS_FUNCTION void vs_correct(Real* values, const Real* change) {
   double size = 0.0;
   int i;
