@@ -133,6 +133,19 @@ class ModesTest(TestCase):
             with self.subTest(name):
                 self.check_example(name, duration)
 
+    def test_a_formula_and_a_gear_that_change_where_a_shaft_turns_back(self):
+        # clamp(w_motor/30, 0, 1) and the side of the gear's losses change at the same instant.
+        scene = (FOLDER / "config/applications/holding/car_electric.yaml").read_text()
+        scene = scene.replace("car_electric_cycle.csv", str(FOLDER / "config/applications/holding/car_electric_cycle.csv"))
+        for tolerance in ("1e-4", "1e-6", "1e-9"):
+            settings = [f"--set=solver/{kind}_tolerance={tolerance}" for kind in ("relative", "absolute")]
+            (header, rows), found = self.simulate(scene, 53.0, 1000, *settings)
+            at = [header.index(name) for name in ("time", "motor/velocity")]
+            samples = [[float(row[k]) for k in at] for row in rows]
+            turns = [(a[0], b[0]) for a, b in zip(samples, samples[1:]) if a[0] > 3.0 and a[1] < 0.0 <= b[1]]
+            last = [float(line[0]) for line in found if line[1:4] == ["gear", "backward", "forward"]][-1]
+            self.assertTrue(turns and turns[-1][0] <= last <= turns[-1][1], (tolerance, turns, last))
+
     def test_the_heat_closes_the_energy_of_lossy_gears(self):
         # No bearing torque is an applied one here: the reactions take what becomes heat.
         scene = (FOLDER / "test/modes/LossyGearDemo1.yaml").read_text()

@@ -245,11 +245,12 @@ void MotionProgram::setStages(const Scene& scene) {
                             ? 1
                             : 0;
   const bool is_automatic = scene.solver.stepper == StepperKind::kAuto;
-  CHOOSES_METHOD = is_automatic && IS_CLASSICAL != 0 && HOLDS == 0 ? 1 : 0;
+  CHOOSES_METHOD = is_automatic ? 1 : 0;
   const int unknowns = SIZE + STATES;
   const int directions = 3 * S + STATES;
-  SCENE_WORK = 3 * kStages * unknowns + kStages * INPUT_ROW_COUNT + 3 * SCENE_ROWS +
-               directions * unknowns + (1 + 2 * kPairs) * unknowns * unknowns;
+  SCENE_WORK = 3 * kStages * unknowns + 2 * (kStages + 1) * S + kStages * INPUT_ROW_COUNT +
+               3 * SCENE_ROWS + directions * (unknowns + S) +
+               (1 + 2 * kPairs) * unknowns * unknowns;
   SCENE_PIVOTS = (1 + kPairs) * unknowns;
   if (CHOOSES_METHOD == 0) SCENE_WORK = SCENE_PIVOTS = 1;
 }

@@ -96,16 +96,6 @@ VS_FUNCTION Real vs_residual(const scene_series* it, int p) {
   return left;
 }
 
-/* 1/2 J' omega J^-1 R, or B J^-1 R: R' less its covariant form G */
-VS_FUNCTION Real vs_connection(const scene_series* it, int i) {
-  Real sum = 0.0;
-  int j;
-  for (j = 0; j < S && IS_GENERAL; ++j)
-    sum += it->row[turn_row[S * i + j]][0] * it->row[PULL + j][0];
-  if (INERTIA_VARIES && !IS_GENERAL) sum = it->row[connection_row[i]][0] * it->row[PULL + i][0];
-  return sum;
-}
-
 /* R' = C' Lambda + 1/2 J' omega J^-1 R; of gauss, or along D, D' lambda' + (dD/dt)' lambda */
 VS_FUNCTION Real vs_reaction_rate(const scene_series* it, int i) {
   Real rate = 0.0;

@@ -127,10 +127,10 @@ VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, dou
 }
 
 /* The first event in a step of *theta units, or so shortly behind it that rounding might lead over
- * it, but those of the guard `but`. *theta becomes shorter where a guard that may pass is known for
- * a part of it only. */
+ * it, but those of the guard `but`, and of elements only if these are asked for. *theta becomes
+ * shorter where a guard that may pass is known for a part of it only. */
 VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it, double* theta,
-                                   int but) {
+                                   int but, int has_elements) {
   const double rounding = 8.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time) / it->unit;
   vs_event found = {0.0, -1, 0, 0.0, 0.0, -1, 0};
   double points[3];
@@ -145,12 +145,13 @@ VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it,
   for (g = 0; g < HOLDS; ++g) {
     for (k = 0; k < VS_CONDITIONS; ++k) {
       const double reach = *theta * (1.0 + 1e-12) + rounding;
-      if (vs_condition(m, it, g, k, c) && !(vs_clearance(c, it->order, reach, 0.0, INFINITY) > 0.0))
+      if (!it->is_implicit && vs_condition(m, it, g, k, c) &&
+          !(vs_clearance(c, it->order, reach, 0.0, INFINITY) > 0.0))
         *theta = vs_known_part(c, it->order, *theta);
     }
   }
   found.theta = *theta * (1.0 + 1e-12) + rounding;
-  vs_meet_end(m, it, &found);
+  if (has_elements) vs_meet_end(m, it, &found);
   for (g = first; g < SIGNS + TABLES; ++g) {
     if (g == but || !vs_may_pass(it, g, found.theta, points)) continue;
     for (n = 0; n <= it->order; ++n) c[n] = vs_guard(it, g)[n];
@@ -169,8 +170,8 @@ VS_FUNCTION double vs_end_without(const scene_model* m, const vs_event* at, doub
   const scene_series* const it = &m->series[m->present];
   const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time) / it->unit;
   double end = theta;
-  const vs_event next = vs_find_event(m, it, &end, at->guard);
-  if (next.guard >= 0) {
+  const vs_event next = vs_find_event(m, it, &end, at->guard, 1);
+  if (next.guard >= 0 || next.element >= 0) {
     const double before = seriesSmaller(end, next.theta * (1.0 - 1e-9) - least);
     return seriesLarger(before, at->theta + 64.0 * least);
   }

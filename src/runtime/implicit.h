@@ -27,15 +27,14 @@ VS_FUNCTION_INLINE double vs_coefficient(const vs_stages* of, int n, const Real*
   return sum;
 }
 
-/* Adds to the changes `by` of the state, along q, those that an implicit step of g has because of
- * them. */
-VS_FUNCTION_RARE void vs_damp(const vs_stages* of, double* by) {
+/* x = the changes of (epsilon, mu, z') in an implicit step of g that changes the state along q by
+ * `by` before them, and R by x. */
+VS_FUNCTION_RARE void vs_damp(const vs_stages* of, double* by, double* x) {
   const double g = of->h / of->method->real;
-  double* const x = of->sum;
   int i, q;
-  for (i = 0; i < UNKNOWNS; ++i) x[i] = 0.0;
   for (q = S; q < DIRECTIONS; ++q) {
     for (i = 0; i < UNKNOWNS; ++i) x[i] -= of->slope[UNKNOWNS * q + i] * by[q];
+    for (i = 0; i < S && !IS_CLASSICAL; ++i) x[i] += g * of->pull_slope[S * q + i] * by[q];
   }
   vs_substitute(of->real, 0, UNKNOWNS, of->real_pivot, x, 0);
   for (i = 0; i < S; ++i) {
@@ -45,25 +44,18 @@ VS_FUNCTION_RARE void vs_damp(const vs_stages* of, double* by) {
   for (i = 0; i < STATES; ++i) by[3 * S + i] += g * x[SIZE + i];
 }
 
-/* The part of acceleration i that rounding of the velocities makes. */
-VS_FUNCTION_RARE double vs_acceleration_noise(const scene_series* it, const vs_stages* of, int i) {
-  double moved = 0.0;
-  int q;
-  for (q = 0; q < S; ++q)
-    moved += fabs(of->slope[UNKNOWNS * (S + q) + i] * it->row[VELOCITY + q][0]);
-  return 4.0 * DBL_EPSILON * moved / vs_inertia(it, i, i);
-}
-
 /* The error of a step in tolerances: the defect x' - p'(0) of its polynomials at the begin, damped
  * by an implicit step of g, twice at a first step and after a rejection (Hairer and Wanner,
  * (IV.8.20)). */
 VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* of, int is_first) {
   const double g = of->h / of->method->real;
-  double* const by = of->left;
+  double* const x = of->sum;
+  double* const by = of->residual;
   /* the largest |theta (theta - c_1) .. (theta - c_s)| */
   const double between = of->method->stages == 3 ? 0.018 : 0.0011;
   double norm = 0.0, rest = 0.0;
-  int i;
+  int e, i, p;
+  for (i = 0; i < UNKNOWNS; ++i) x[i] = 0.0;
   for (i = 0; i < S; ++i) {
     const Real *const omega = it->row[VELOCITY + i], *const phi = it->row[ANGLE + i];
     by[S + i] = g * (it->row[ACCELERATION + i][0] - vs_coefficient(of, 0, omega) / of->h);
@@ -72,18 +64,36 @@ VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* 
   for (i = 0; i < STATES; ++i)
     by[3 * S + i] =
         g * (it->row[rate_row[i]][0] - vs_coefficient(of, 0, it->row[STATE + i]) / of->h);
-  vs_damp(of, by);
-  for (i = 0; i < S && is_first; ++i) by[2 * S + i] += g * by[S + i];
-  if (is_first) vs_damp(of, by);
+  for (i = 0; i < S && !IS_CLASSICAL; ++i) x[i] = by[i] = g * (of->P[i] - of->R[S + i] / of->h);
+  for (p = 0; p < K; ++p) {
+    if (order_of[p] < 3) continue;
+    x[S + p] = -it->row[residual_row[p]][0];
+    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
+      i = entry_shaft[e];
+      x[S + p] -= vs_entry(it, p, i) * vs_coefficient(of, 0, it->row[ACCELERATION + i]) / of->h;
+    }
+  }
+  vs_damp(of, by, x);
+  if (is_first) { /* and again: R has changed by by + g C' x */
+    for (i = 0; i < S && !IS_CLASSICAL; ++i) {
+      for (p = 0; p < K; ++p) by[i] += g * vs_direction(it, p, i) * x[S + p];
+    }
+    for (i = 0; i < S; ++i) {
+      x[i] = IS_CLASSICAL ? 0.0 : by[i];
+      by[2 * S + i] += g * by[S + i];
+    }
+    for (i = S; i < UNKNOWNS; ++i) x[i] = 0.0;
+    vs_damp(of, by, x);
+  }
   for (i = 0; i < S; ++i) {
-    const Real* const epsilon = it->row[ACCELERATION + i];
-    const double off = between * vs_coefficient(of, of->method->stages - 1, epsilon);
     norm = seriesLarger(norm, fabs(by[S + i]) / vs_tolerance(it, it->row[VELOCITY + i][0]));
     if (FIRST_JUDGED == 0)
       norm = seriesLarger(norm, fabs(by[2 * S + i]) / vs_tolerance(it, it->row[ANGLE + i][0]));
-    norm = seriesLarger(
-        norm, fabs(off) / (vs_tolerance(it, epsilon[0]) + vs_acceleration_noise(it, of, i)));
-    rest += 0.0 * off;
+    if (IS_CLASSICAL)
+      x[i] = between * vs_coefficient(of, of->method->stages - 1, it->row[ACCELERATION + i]);
+    norm = seriesLarger(norm, fabs(x[i]) / (vs_tolerance(it, it->row[ACCELERATION + i][0]) +
+                                            vs_acceleration_noise(it, of, i)));
+    rest += 0.0 * x[i];
   }
   for (i = 0; i < STATES; ++i) {
     norm = seriesLarger(norm, fabs(by[3 * S + i]) / vs_tolerance(it, it->row[STATE + i][0]));
@@ -92,13 +102,34 @@ VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* 
   return norm + rest;
 }
 
+/* R by its rate, which the stages' accelerations tell to the error of Newton's iteration times the
+ * rate of a fast component only, becomes a polynomial: R[n + 1] of theta^(n + 1). */
+VS_FUNCTION_RARE void vs_integrate_reaction(const vs_stages* of) {
+  const int s = of->method->stages;
+  double moved[VS_MOST_STAGES];
+  int i, j, k, n;
+  for (i = 0; i < S && !IS_CLASSICAL; ++i) {
+    for (j = 0; j < s; ++j) {
+      moved[j] = 0.0;
+      for (k = 0; k < s; ++k) moved[j] += of->h * of->method->A[j][k] * of->P[S * (k + 1) + i];
+    }
+    for (n = 0; n < s; ++n) {
+      double sum = 0.0;
+      for (j = 0; j < s; ++j) sum += of->method->B[n][j] * moved[j];
+      of->R[S * (n + 1) + i] = sum;
+    }
+  }
+}
+
 /* Notes the states of the stages in the rows. */
 VS_FUNCTION_RARE void vs_note_stages(scene_series* it, scene_series* w, const scene_state* from,
                                      const vs_stages* of) {
   int j, r;
   for (j = 0; j < of->method->stages; ++j) {
     vs_enter_stage_state(w, from, of, j);
-    for (r = ANGLE; r < STATE + STATES; ++r) it->row[r][j + 1] = w->row[r][0];
+    for (r = ANGLE; r < STATE + STATES; ++r) {
+      if (r < PULL || r >= PULL + S) it->row[r][j + 1] = w->row[r][0];
+    }
   }
 }
 
@@ -170,6 +201,32 @@ VS_FUNCTION_RARE int vs_is_step_resolved(scene_model* m, const scene_series* it,
   return vs_is_path_resolved(w, last, of->h / w->unit, at);
 }
 
+/* Tries stages of a step of of->h, by a first guess that is_known or is the begin. 0 where the
+ * step's polynomials are in the rows, and *part is how much longer the next step may be; otherwise
+ * the part of h for another trial, or -1 where a matrix is singular. */
+VS_FUNCTION_RARE double vs_try_stages(scene_model* m, scene_series* it, scene_series* w,
+                                      const scene_state* from, const vs_stages* of, int is_known,
+                                      int is_first, double* part) {
+  double error;
+  int rounds, may_hide;
+  it->unit = w->unit = vs_unit_of(of->h);
+  if (!is_known) vs_guess_stages(it, 0, 0.0, of);
+  if (!vs_factor_stages(w, of)) return -1.0;
+  vs_enter_stage_inputs(m, w, from, of);
+  /* (Far from the last step its polynomials may be worse than none.) */
+  if (!vs_find_stages(it, w, from, of, &rounds)) return is_known ? 1.0 : 0.25;
+  vs_note_stages(it, w, from, of);
+  vs_integrate_reaction(of);
+  error = vs_stage_error(it, of, is_first);
+  *part = 0.9 * 17.0 / (16.0 + rounds) *
+          pow(seriesLarger(error, 1e-8), -1.0 / (of->method->stages + 1));
+  *part = seriesLarger(0.1, seriesSmaller(*part, 8.0));
+  if (!(error <= 1.0)) return isfinite(error) ? seriesSmaller(*part, 0.9) : 0.1;
+  may_hide = vs_may_hide(it, of->method->stages);
+  vs_interpolate_stages(it, of);
+  return may_hide && !vs_is_step_resolved(m, it, w, from, of) ? 0.5 : 0.0;
+}
+
 /* Polynomials of an implicit step of at most `limit` s from the state. */
 VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit) {
   scene_series* const it = vs_series(m);
@@ -181,7 +238,7 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
   const double past = known == w ? m->reached : 0.0;
   vs_stages of;
   double h = m->choice.ahead > 0.0 ? m->choice.ahead : m->usual > 0.0 ? m->usual : 1e-3;
-  int rounds, trial, is_known = known != 0;
+  int i, trial;
   if (!is_begun && !vs_begin_here(m, vs_unit_of(seriesSmaller(limit, h)))) return SCENE_SINGULAR;
   vs_lay_out(m, RELATIVE_TOLERANCE <= 1e-5 ? 1 : 0, &of);
   of.h = h = seriesSmaller(h, limit);
@@ -190,83 +247,103 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
   w->unit = it->unit = vs_unit_of(h);
   vs_enter_inputs(m, w, 0);
   vs_enter_state(m, w);
+  for (i = 0; i < K; ++i) w->row[MULTIPLIER + i][0] = it->row[MULTIPLIER + i][0];
+  if (!vs_find_reaction(w, of.R, of.P)) return SCENE_SINGULAR;
   vs_find_slopes(w, &from, &of);
   for (trial = 0; trial < 40 && h > least; ++trial) {
-    double error = 0.0, part;
-    int may_hide;
+    double part, shorter;
     of.h = h;
-    it->unit = w->unit = vs_unit_of(h);
-    if (!is_known) vs_guess_stages(it, 0, 0.0, &of);
-    is_known = 0;
     if (trial > 0) {
       vs_enter_inputs(m, w, 0);
       vs_enter_state(m, w);
     }
-    if (!vs_factor_stages(w, &of)) return SCENE_SINGULAR;
-    vs_enter_stage_inputs(m, w, &from, &of);
-    if (!vs_find_stages(m, it, w, &from, &of, &rounds)) {
-      ++m->rejections;
-      h *= 0.25;
-      continue;
+    shorter = vs_try_stages(m, it, w, &from, &of, trial == 0 && known != 0, trial > 0 || known == 0,
+                            &part);
+    if (shorter < 0.0) break;
+    if (shorter == 0.0) {
+      if (h < limit || part * h > m->choice.ahead) m->choice.ahead = part * h;
+      m->usual = m->damped = h;
+      return SCENE_OK;
     }
-    vs_note_stages(it, w, &from, &of);
-    error = vs_stage_error(it, &of, trial > 0 || known == 0);
-    part = 0.9 * 17.0 / (16.0 + rounds) *
-           pow(seriesLarger(error, 1e-8), -1.0 / (of.method->stages + 1));
-    part = seriesLarger(0.1, seriesSmaller(part, 8.0));
-    if (!(error <= 1.0)) {
-      ++m->rejections;
-      h *= isfinite(error) ? seriesSmaller(part, 0.9) : 0.1;
-      continue;
-    }
-    may_hide = vs_may_hide(it, of.method->stages);
-    vs_interpolate_stages(it, &of);
-    if (may_hide && !vs_is_step_resolved(m, it, w, &from, &of)) {
-      ++m->rejections;
-      h *= 0.5;
-      continue;
-    }
-    if (h < limit || part * h > m->choice.ahead) m->choice.ahead = part * h;
-    m->usual = m->damped = h;
-    return SCENE_OK;
+    ++m->rejections;
+    h *= shorter;
   }
+  /* The values at stages, which are in the rows, are no coefficients for the series that follow. */
+  it->order = of.method->stages;
+  it->is_implicit = 1;
   m->is_begun = 0;
   return SCENE_TOO_MANY_STEPS;
 }
 
+/* The accelerations, in tolerances, that alone would have to move for what is left of R and psi. */
+VS_FUNCTION_RARE double vs_size_of_left(const scene_model* m, const scene_series* w,
+                                        const double* left) {
+  double largest = 0.0;
+  int e, i, p;
+  for (i = 0; i < S; ++i)
+    largest = seriesLarger(
+        largest, fabs(left[i]) / (vs_inertia(w, i, i) * vs_tolerance(w, m->now.acceleration[i])));
+  for (p = 0; p < K; ++p) {
+    double C = 0.0, least = INFINITY;
+    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
+      C = seriesLarger(C, fabs(vs_entry(w, p, entry_shaft[e])));
+      least = seriesSmaller(least, vs_tolerance(w, m->now.acceleration[entry_shaft[e]]));
+    }
+    if (left[S + p] != 0.0) largest = seriesLarger(largest, fabs(left[S + p]) / (C * least));
+  }
+  return largest;
+}
+
 /* Moves the state, which m->now is, at theta of an implicit step as one of g to this instant would
- * be: there it satisfies the equations of a stage, and the accelerations are those of its
- * polynomials. (Accelerations follow from the state, which is off by the error of these, and would
- * be off by as much times the rate of a fast component.) */
+ * be: there it satisfies the equations of a stage. (What R and psi are off would move the
+ * accelerations alone by as much times the rate of a fast component: of gauss they follow from the
+ * state, which is off between the stages by the error of its polynomials; of generalized_gauss R
+ * does, which the motion keeps.) */
 VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, double theta) {
-  enum { VS_MOST_ROUNDS = 8 };
   const scene_series* const it = vs_series(m);
+  enum { VS_MOST_ROUNDS = 8 };
   vs_stages of;
-  double rate[MOST_INPUTS + 1];
+  double rate[MOST_INPUTS + 1], reaction[MOST_SHAFTS];
   double g, *x, moved = INFINITY, before = INFINITY;
-  int i, round;
+  int i, n, round;
   if (!it->is_implicit) return;
   vs_lay_out(m, it->order == vs_radau_of[1].stages, &of);
   of.h = m->damped;
   g = of.h / of.method->real;
   x = of.sum;
   for (i = 0; i < STATES; ++i) rate[i] = vs_evaluate(it->row[rate_row[i]], it->order, theta);
+  for (i = 0; i < S; ++i) {
+    reaction[i] = 0.0;
+    for (n = IS_CLASSICAL ? -1 : it->order; n >= 0; --n)
+      reaction[i] = reaction[i] * theta * it->unit / of.h + of.R[S * n + i];
+  }
   vs_enter_inputs(m, w, 0);
+  /* (C turns with time, and each round leaves a part of what psi is off.) */
   for (round = 0; round < VS_MOST_ROUNDS && moved > 0.01 && (round < 2 || moved < 0.5 * before);
        ++round) {
     vs_enter_state(m, w);
-    vs_find_rest(m, w, VS_LEAST_REACTION, m->now.multiplier, x);
-    for (i = 0; i < STATES; ++i) x[SIZE + i] = w->row[rate_row[i]][0] - rate[i];
-    vs_substitute(of.real, 0, UNKNOWNS, of.real_pivot, x, 0);
+    if (!vs_find_reaction(w, x, of.P)) return;
+    for (i = 0; i < S; ++i) x[i] = reaction[i] - x[i];
+    for (i = 0; i < K; ++i)
+      x[S + i] = vs_is_on(w, i) && order_of[i] < 3 ? -w->row[residual_row[i]][0] : 0.0;
+    for (i = 0; i < STATES; ++i) {
+      x[SIZE + i] = IS_CLASSICAL ? w->row[rate_row[i]][0] - rate[i] : (Real)0.0;
+    }
     before = moved;
-    moved = 0.0;
+    moved = IS_CLASSICAL ? 0.0 : vs_size_of_left(m, w, x);
+    vs_substitute(of.real, 0, UNKNOWNS, of.real_pivot, x, 0);
     for (i = 0; i < S; ++i) {
       m->now.acceleration[i] += x[i];
       m->now.velocity[i] += g * x[i];
       m->now.angle[i] += g * g * x[i];
       moved = seriesLarger(moved, fabs(x[i]) / vs_tolerance(it, m->now.acceleration[i]));
     }
-    for (i = 0; i < K; ++i) m->now.multiplier[i] += x[S + i];
+    for (i = 0; i < K; ++i) {
+      if (IS_CLASSICAL)
+        m->now.multiplier[i] += x[S + i];
+      else if (TRANSMITS)
+        m->now.multiplier[i] += g * x[S + i];
+    }
     for (i = 0; i < STATES; ++i) {
       scene_signal* const s = &m->now.input[state_input[i]];
       s->start = s->target = s->start + g * x[SIZE + i];

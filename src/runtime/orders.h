@@ -79,6 +79,16 @@ VS_FUNCTION void vs_note_pull(scene_series* it, int n) {
   for (i = 0; i < S; ++i) r[PULL + i][n] = y[i];
 }
 
+/* 1/2 J' omega J^-1 R, or B J^-1 R: R' less its covariant form G */
+VS_FUNCTION Real vs_connection(const scene_series* it, int i) {
+  Real sum = 0.0;
+  int j;
+  for (j = 0; j < S && IS_GENERAL; ++j)
+    sum += it->row[turn_row[S * i + j]][0] * it->row[PULL + j][0];
+  if (INERTIA_VARIES && !IS_GENERAL) sum = it->row[connection_row[i]][0] * it->row[PULL + i][0];
+  return sum;
+}
+
 /* Coefficients n of time and state. */
 VS_FUNCTION_INLINE void vs_integrate(scene_series* it, int n) {
   vs_row* const r = it->row;

@@ -1,8 +1,12 @@
-/* Implicit steps of gauss, for motions whose fastest components have died away: Radau IIA
- * (radau_tables.h). Stage j, at t + c_j h, has the unknowns y = (epsilon, lambda, z'), and
+/* Implicit steps, for motions whose fastest components have died away: Radau IIA (radau_tables.h).
+ * Stage j, at t + c_j h, has the unknowns y = (epsilon, mu, z'), and
  *     omega_j = omega + h sum_k A_jk epsilon_k,  phi_j = phi + h sum_k A_jk omega_k,
- *     z_j = z + h sum_k A_jk z'_k,
- *     J epsilon_j + n - Q = D_j' lambda_j,  psi_j = 0,  z'_j = rate_j
+ *     z_j = z + h sum_k A_jk z'_k,  z'_j = rate_j,
+ *     psi_j = 0, of order 3 C eta_j + c_0 = 0 with the slope eta of epsilon's polynomial,
+ *     R_j = D_j' mu_j of gauss,
+ *     R_j = R + h sum_k A_jk P_k of generalized_gauss,  P = C' mu + 1/2 J' omega J^-1 R,
+ * with R = J epsilon + n - Q, less D' times the integral of mu for constraints with a direction of
+ * their own. No derivative of a torque is needed, and stages satisfy psi = 0 however stiff it is.
  * Newton's iteration has the exact derivatives by the state at the beginning; they are coefficients
  * 1 of the rows along each direction. With A = T diag(g / h) T^-1 it is one real system and some
  * complex ones of the size of y, with omega = g epsilon, phi = g^2 epsilon, z = g z'.
@@ -10,8 +14,7 @@
  * A step's polynomials through the stages take the place of its series: all that follows (events,
  * samples, the step's end) reads rows. */
 
-/* The number of unknowns of a stage, and of directions that its equations are differentiated along.
- */
+/* The number of unknowns of a stage, and of directions that residuals are differentiated along. */
 #define UNKNOWNS (SIZE + STATES)
 #define DIRECTIONS (3 * S + STATES)
 
@@ -26,14 +29,13 @@ enum { VS_ALONG = 8 };
 /* The arrays of a step, which are in the model's memory. */
 typedef struct {
   const vs_radau* method;
-  double h;      /* s */
-  double* y;     /* stages x unknowns */
-  double* left;  /* of the equations of the stages, likewise; then the corrections of y */
-  double* sum;   /* likewise, in the coordinates of T */
-  double* input; /* rows of inputs, stages x INPUT_ROW_COUNT */
-  double*
-      slope; /* derivatives of what is left, with the sign of the matrix, directions x unknowns */
-  double* values; /* of all rows at three stages */
+  double h;                   /* s */
+  double *y, *residual, *sum; /* stages x unknowns */
+  double *R, *P;              /* R and its rate, stages + 1 (the first: of the begin) x S */
+  double* input;              /* rows of inputs, stages x INPUT_ROW_COUNT */
+  double* slope;              /* of residuals, directions x unknowns */
+  double* pull_slope;         /* of P, directions x S */
+  double* values;             /* of all rows at three stages */
   double *real, *pair[VS_MOST_PAIRS];
   int *real_pivot, *pair_pivot[VS_MOST_PAIRS];
 } vs_stages;
@@ -46,10 +48,13 @@ VS_FUNCTION_RARE void vs_lay_out(scene_model* m, int which, vs_stages* of) {
   of->method = &vs_radau_of[which];
 #define VS_PLACE(field, count) of->field = next, next += (count)
   VS_PLACE(y, VS_MOST_STAGES * UNKNOWNS);
-  VS_PLACE(left, VS_MOST_STAGES * UNKNOWNS);
+  VS_PLACE(residual, VS_MOST_STAGES * UNKNOWNS);
   VS_PLACE(sum, VS_MOST_STAGES * UNKNOWNS);
+  VS_PLACE(R, (VS_MOST_STAGES + 1) * S);
+  VS_PLACE(P, (VS_MOST_STAGES + 1) * S);
   VS_PLACE(input, VS_MOST_STAGES * INPUT_ROW_COUNT);
   VS_PLACE(slope, DIRECTIONS * UNKNOWNS);
+  VS_PLACE(pull_slope, DIRECTIONS * S);
   VS_PLACE(values, 3 * SCENE_ROWS);
   VS_PLACE(real, UNKNOWNS * UNKNOWNS);
   for (p = 0; p < VS_MOST_PAIRS; ++p) VS_PLACE(pair[p], 2 * UNKNOWNS * UNKNOWNS);
@@ -180,7 +185,12 @@ VS_FUNCTION_INLINE void vs_enter_stage_state(scene_series* w, const scene_state*
     w->row[ANGLE + i][0] = from->angle[i] + at * from->velocity[i] +
                            of->h * of->h * vs_sum_of_stages(of, of->method->A2[j], i);
   }
-  for (i = 0; i < K; ++i) w->row[MULTIPLIER + i][0] = y[S + i];
+  for (i = 0; i < K; ++i) {
+    w->row[MULTIPLIER + i][0] = y[S + i];
+    if (TRANSMITS && !IS_CLASSICAL)
+      w->row[TRANSMITTED + i][0] =
+          from->multiplier[i] + of->h * vs_sum_of_stages(of, weight, S + i);
+  }
   for (i = 0; i < STATES; ++i)
     w->row[STATE + i][0] =
         from->input[state_input[i]].start + of->h * vs_sum_of_stages(of, weight, SIZE + i);
@@ -197,40 +207,86 @@ VS_FUNCTION_RARE void vs_enter_stage(scene_series* w, const scene_state* from, c
   vs_enter_formulas(w);
 }
 
-/* Finds what the stages leave of their equations. The rows of stage j are noted as coefficients j +
- * 1 of the step's. */
-VS_FUNCTION_RARE void vs_find_left_of_stages(const scene_model* m, scene_series* it,
-                                             scene_series* w, const scene_state* from,
-                                             const vs_stages* of) {
-  int i, j, r;
-  for (j = 0; j < of->method->stages; ++j) {
-    const double* const y = of->y + UNKNOWNS * j;
-    double* const left = of->left + UNKNOWNS * j;
+/* R, and P = C' Lambda + 1/2 J' omega J^-1 R, of the state that was entered. With a direction of
+ * its own, D' lambda of a constraint is no part of R. */
+VS_FUNCTION_INLINE int vs_find_reaction(scene_series* w, double* R, double* P) {
+  int e, i, p;
+  if (INERTIA_VARIES && !IS_CLASSICAL) {
+    if (!vs_factor_inertia(w)) return 0;
+    vs_note_pull(w, 0);
+  }
+  vs_reaction(w, R);
+  for (i = 0; i < S; ++i) P[i] = IS_CLASSICAL ? 0.0 : (double)vs_connection(w, i);
+  for (p = 0; p < K; ++p) {
+    const int is_own = IS_CLASSICAL || has_direction[p];
+    const double transmitted = w->row[TRANSMITTED + p][0], Lambda = w->row[MULTIPLIER + p][0];
+    for (e = entry_begin[p]; e < entry_begin[p + 1] && vs_is_on(w, p); ++e) {
+      i = entry_shaft[e];
+      if (is_own)
+        R[i] -= vs_direction(w, p, i) * transmitted;
+      else
+        P[i] += vs_entry(w, p, i) * Lambda;
+    }
+  }
+  return 1;
+}
+
+/* The residuals of all stages, with the rows of stage j noted as coefficients j + 1 of the step's.
+ */
+VS_FUNCTION_RARE int vs_find_residuals(scene_series* it, scene_series* w, const scene_state* from,
+                                       const vs_stages* of) {
+  const int s = of->method->stages;
+  int e, i, j, k, p, r;
+  for (j = 0; j < s; ++j) {
+    double* const F = of->residual + UNKNOWNS * j;
     vs_enter_stage(w, from, of, j);
-    vs_find_rest(m, w, VS_LEAST_REACTION, y + S, left);
-    for (i = 0; i < STATES; ++i) left[SIZE + i] = w->row[rate_row[i]][0] - y[SIZE + i];
+    if (!vs_find_reaction(w, of->R + S * (j + 1), of->P + S * (j + 1))) return 0;
+    for (p = 0; p < K; ++p) {
+      F[S + p] = vs_is_on(w, p) ? w->row[residual_row[p]][0] : w->row[MULTIPLIER + p][0];
+      for (e = entry_begin[p]; e < entry_begin[p + 1] && order_of[p] == 3; ++e) {
+        double eta = 0.0;
+        i = entry_shaft[e];
+        for (k = 0; k < s; ++k)
+          eta += of->method->inverse[j][k] * (of->y[UNKNOWNS * k + i] - from->acceleration[i]);
+        F[S + p] += vs_entry(w, p, i) * eta / of->h;
+      }
+    }
+    for (i = 0; i < STATES; ++i)
+      F[SIZE + i] = of->y[UNKNOWNS * j + SIZE + i] - w->row[rate_row[i]][0];
     for (r = 0; r < SHOWN; ++r) it->row[shown_row[r]][j + 1] = w->row[shown_row[r]][0];
   }
+  for (j = 0; j < s; ++j) {
+    for (i = 0; i < S; ++i) {
+      double* const F = of->residual + UNKNOWNS * j + i;
+      *F = of->R[S * (j + 1) + i];
+      if (IS_CLASSICAL) continue;
+      *F -= of->R[i];
+      for (k = 0; k < s; ++k) *F -= of->h * of->method->A[j][k] * of->P[S * (k + 1) + i];
+    }
+  }
+  return 1;
 }
 
 /* ---- Newton's iteration ---- */
 
-/* The derivatives of the stages' equations by the state that was entered in w, along each of
- * epsilon, omega, phi and z. */
+/* The derivatives of the residuals by the state that was entered in w, along each of epsilon,
+ * omega, phi and z. */
 VS_FUNCTION_RARE void vs_find_slopes(scene_series* w, const scene_state* from,
                                      const vs_stages* of) {
   int e, i, j, k, p, q;
-  for (i = ANGLE; i < PULL + S; ++i) w->row[i][1] = 0.0;
+  for (i = ANGLE; i < STATE; ++i) w->row[i][1] = 0.0;
   for (k = 0; k < INPUT_ROW_COUNT; ++k) w->row[input_row[k]][1] = 0.0;
   w->row[TIME][1] = 0.0;
   w->is_path = 1;
   for (q = 0; q < DIRECTIONS; ++q) {
     double* const slope = of->slope + UNKNOWNS * q;
+    double* const pull = of->pull_slope + S * q;
     const int along = q < S       ? ACCELERATION + q
                       : q < 2 * S ? VELOCITY + q - S
                       : q < 3 * S ? ANGLE + q - 2 * S
                                   : STATE + q - 3 * S;
     for (i = 0; i < UNKNOWNS; ++i) slope[i] = 0.0;
+    for (i = 0; i < S; ++i) pull[i] = 0.0;
     if (q < S ? !READS_ACCELERATIONS : q >= 2 * S && q < 3 * S && !reads_angle[q - 2 * S]) continue;
     w->row[along][1] = 1.0;
     w->order = 0;
@@ -244,10 +300,14 @@ VS_FUNCTION_RARE void vs_find_slopes(scene_series* w, const scene_state* from,
         slope[i] += w->row[inertia_row[i]][1] * from->acceleration[i];
     }
     for (p = 0; p < K; ++p) {
+      if (!vs_is_on(w, p)) continue;
       slope[S + p] = w->row[residual_row[p]][1];
       for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
         i = entry_shaft[e];
-        slope[i] -= w->row[direction_row[S * p + i]][1] * w->row[MULTIPLIER + p][0];
+        if (IS_CLASSICAL || has_direction[p])
+          slope[i] -= w->row[direction_row[S * p + i]][1] * w->row[TRANSMITTED + p][0];
+        else
+          pull[i] += w->row[entry_row[S * p + i]][1] * w->row[MULTIPLIER + p][0];
       }
     }
     for (i = 0; i < STATES; ++i) slope[SIZE + i] = -w->row[rate_row[i]][1];
@@ -255,21 +315,28 @@ VS_FUNCTION_RARE void vs_find_slopes(scene_series* w, const scene_state* from,
   w->is_path = 0;
 }
 
-/* Entry (i, q) of the derivative of equation i by unknown q: f[0] + f[1] g + f[2] g^2. */
+/* Entry (i, q) of the derivative of residual i by unknown q:
+ *     f[0] + f[1] g + f[2] g^2 + f[3] g^3 + f[4] / g */
 VS_FUNCTION_INLINE void vs_find_powers(const scene_series* w, const vs_stages* of, int i, int q,
                                        double* f) {
   int n;
-  f[0] = f[1] = f[2] = 0.0;
+  for (n = 0; n < 5; ++n) f[n] = 0.0;
   if (q < S) {
     for (n = 0; n < 3; ++n) f[n] = of->slope[UNKNOWNS * (S * n + q) + i];
-    if (i < S)
-      f[0] += i == q || IS_COUPLED ? (double)vs_inertia(w, i, q) : 0.0;
-    else if (i < SIZE) /* (the slope along epsilon, if it was found, is C, too) */
+    for (n = 0; n < 3 && i < S && !IS_CLASSICAL; ++n)
+      f[n + 1] -= of->pull_slope[S * (S * n + q) + i];
+    if (i < S) f[0] += i == q || IS_COUPLED ? (double)vs_inertia(w, i, q) : 0.0;
+    if (i < S || i >= SIZE || !vs_is_on(w, i - S)) return;
+    if (order_of[i - S] == 3)
+      f[4] = vs_entry(w, i - S, q);
+    else /* (the slope along epsilon, if it was found, is C, too) */
       f[0] = vs_entry(w, i - S, q);
   } else if (q < SIZE) {
-    if (i < S) f[0] = -vs_direction(w, q - S, i);
+    if (i == q && !vs_is_on(w, i - S)) f[0] = 1.0;
+    if (i < S && vs_is_on(w, q - S)) f[!IS_CLASSICAL] = -vs_direction(w, q - S, i);
   } else {
     f[1] = of->slope[UNKNOWNS * (2 * S + q - K) + i];
+    if (i < S && !IS_CLASSICAL) f[2] = -of->pull_slope[S * (2 * S + q - K) + i];
     if (i == q) f[0] = 1.0;
   }
 }
@@ -278,7 +345,7 @@ VS_FUNCTION_INLINE void vs_find_powers(const scene_series* w, const vs_stages* o
 VS_FUNCTION_RARE int vs_factor_stages(const scene_series* w, const vs_stages* of) {
   const int n = UNKNOWNS, pairs = of->method->stages / 2;
   const double g = of->h / of->method->real;
-  double re[VS_MOST_PAIRS], im[VS_MOST_PAIRS], f[3];
+  double re[VS_MOST_PAIRS], im[VS_MOST_PAIRS], f[5];
   int i, p, q;
   for (p = 0; p < pairs; ++p) { /* h / (a + i b) */
     const double a = of->method->pair[p][0], b = of->method->pair[p][1];
@@ -288,11 +355,18 @@ VS_FUNCTION_RARE int vs_factor_stages(const scene_series* w, const vs_stages* of
   for (i = 0; i < n; ++i) {
     for (q = 0; q < n; ++q) {
       vs_find_powers(w, of, i, q, f);
-      of->real[n * i + q] = f[0] + g * (f[1] + g * f[2]);
+      of->real[n * i + q] = f[0] + g * (f[1] + g * (f[2] + g * f[3])) + f[4] / g;
       for (p = 0; p < pairs; ++p) {
-        const double x = f[1] + f[2] * re[p], y = f[2] * im[p]; /* f[1] + g f[2] */
-        of->pair[p][n * i + q] = x * re[p] - y * im[p] + f[0];
-        of->pair[p][n * (n + i) + q] = x * im[p] + y * re[p];
+        const double square = re[p] * re[p] + im[p] * im[p];
+        double x = f[3], y = 0.0, z;
+        int k;
+        for (k = 2; k >= 0; --k) {
+          z = x * re[p] - y * im[p] + f[k];
+          y = x * im[p] + y * re[p];
+          x = z;
+        }
+        of->pair[p][n * i + q] = x + f[4] * re[p] / square;
+        of->pair[p][n * (n + i) + q] = y - f[4] * im[p] / square;
       }
     }
   }
@@ -303,6 +377,18 @@ VS_FUNCTION_RARE int vs_factor_stages(const scene_series* w, const vs_stages* of
   return 1;
 }
 
+/* The part of acceleration i that rounding of the velocities makes. */
+VS_FUNCTION_RARE double vs_acceleration_noise(const scene_series* it, const vs_stages* of, int i) {
+  double moved = 0.0;
+  int q;
+  for (q = 0; q < S; ++q)
+    moved += fabs(of->slope[UNKNOWNS * (S + q) + i] * it->row[VELOCITY + q][0]);
+  return 4.0 * DBL_EPSILON * moved / vs_inertia(it, i, i);
+}
+
+/* Part of the tolerance that Newton's iteration may leave. */
+#define VS_LEFT 0.02
+
 /* One correction of the stages. Its size in tolerances of the state at the begin. */
 VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stages* of) {
   const vs_radau* const method = of->method;
@@ -312,7 +398,7 @@ VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stage
   for (k = 0; k < s; ++k) {
     for (i = 0; i < n; ++i) {
       double sum = 0.0;
-      for (j = 0; j < s; ++j) sum += method->from_T[k][j] * of->left[n * j + i];
+      for (j = 0; j < s; ++j) sum -= method->from_T[k][j] * of->residual[n * j + i];
       of->sum[n * k + i] = sum;
     }
   }
@@ -324,7 +410,7 @@ VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stage
     for (i = 0; i < n; ++i) {
       double change = 0.0;
       for (k = 0; k < s; ++k) change += method->T[j][k] * of->sum[n * k + i];
-      of->left[n * j + i] = change;
+      of->residual[n * j + i] = change;
       of->y[n * j + i] += change;
       rest += 0.0 * change;
     }
@@ -333,9 +419,13 @@ VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stage
     for (i = 0; i < n; ++i) {
       double change = 0.0;
       if (i >= S && i < SIZE) continue;
-      for (k = 0; k < s; ++k) change += method->A[j][k] * of->left[n * k + i];
+      for (k = 0; k < s; ++k) change += method->A[j][k] * of->residual[n * k + i];
       change = fabs(of->h * change) /
                vs_tolerance(it, it->row[i < S ? VELOCITY + i : STATE + i - SIZE][0]);
+      size = seriesLarger(size, change);
+      if (i >= S || IS_CLASSICAL) continue;
+      change = fabs(of->residual[n * j + i]) / (vs_tolerance(it, it->row[ACCELERATION + i][0]) +
+                                                vs_acceleration_noise(it, of, i) / VS_LEFT);
       size = seriesLarger(size, change);
     }
   }
@@ -343,14 +433,14 @@ VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stage
 }
 
 /* Newton's iterations, the number of which is *rounds. False where they do not converge. */
-VS_FUNCTION_RARE int vs_find_stages(const scene_model* m, scene_series* it, scene_series* w,
-                                    const scene_state* from, const vs_stages* of, int* rounds) {
+VS_FUNCTION_RARE int vs_find_stages(scene_series* it, scene_series* w, const scene_state* from,
+                                    const vs_stages* of, int* rounds) {
   enum { VS_MOST_ROUNDS = 8 };
-  const double left = 0.02; /* part of the tolerance that the iteration may leave */
+  const double left = VS_LEFT;
   double previous = 0.0, rate = 1.0;
   for (*rounds = 1; *rounds <= VS_MOST_ROUNDS; ++*rounds) {
     double size;
-    vs_find_left_of_stages(m, it, w, from, of);
+    if (!vs_find_residuals(it, w, from, of)) return 0;
     size = vs_correct_stages(it, of);
     if (!isfinite(size)) return 0;
     if (size <= 0.1 * left) return 1;

@@ -220,27 +220,80 @@ VS_FUNCTION scene_status vs_find_polynomials(scene_model* m, double limit) {
 }
 
 /* The first event up to *theta. The formulas behind it are others: the polynomials of an implicit
- * step, some stages of which were behind it, are made anew up to it. They are known a little
- * further. */
+ * step, some stages of which were behind it, are made anew up to it, and tell of elements only when
+ * no guard passes before. They are known a little further. */
 VS_FUNCTION vs_event vs_find_first(scene_model* m, double* theta, scene_status* status) {
   enum { VS_MOST_ROUNDS = 10 };
   const double further = 1.02;
-  vs_event at = {0.0, -1, 0, 0.0, 0.0, -1, 0};
-  int round;
+  int has_elements = !HOLDS, round = 0;
+  vs_event at;
   *status = SCENE_OK;
-  if (!vs_series(m)->is_implicit) return vs_find_event(m, vs_series(m), theta, -1);
-  for (round = 0; *status == SCENE_OK; ++round) {
+  if (!vs_series(m)->is_implicit) return vs_find_event(m, vs_series(m), theta, -1, 1);
+  for (;;) {
     double end = further * *theta;
-    at = vs_find_event(m, vs_series(m), &end, -1);
-    if (at.guard < 0) break;
-    if (at.theta == 0.0 || at.theta >= *theta / further || round == VS_MOST_ROUNDS) {
-      *theta = end;
-      break;
+    int is_met, is_inside;
+    at = vs_find_event(m, vs_series(m), &end, -1, has_elements);
+    is_met = at.guard >= 0 || at.element >= 0;
+    is_inside = is_met && at.theta > 0.0 && at.theta < *theta / further;
+    if (is_inside && round++ < VS_MOST_ROUNDS) {
+      const double h = at.theta * vs_series(m)->unit;
+      *status = vs_expand_implicitly(m, h);
+      if (*status != SCENE_OK) {
+        vs_give_up_implicit(m);
+        *status = vs_expand(m, h);
+      }
+      *theta = seriesSmaller(h, m->usual) / vs_series(m)->unit;
+      if (!vs_series(m)->is_implicit) return vs_find_event(m, vs_series(m), theta, -1, 1);
+    } else if (!has_elements) {
+      has_elements = 1;
+    } else {
+      if (is_met) *theta = end;
+      return at;
     }
-    *status = vs_expand_implicitly(m, at.theta * vs_series(m)->unit);
-    *theta = m->usual / vs_series(m)->unit;
   }
-  return at;
+}
+
+/* Moves to theta or over the event there. *is_smooth: 0 where another series begins behind it. */
+VS_FUNCTION scene_status vs_pass(scene_model* m, vs_event* at, double* theta, double* defect,
+                                 int* loses_rank, int* is_smooth) {
+  /* An event at which nothing jumps is passed like any other step's end. */
+  const int is_crossed =
+      at->guard >= 0 && (at->jumps || HAS_ORDER_1 || (IS_CLASSICAL && IS_CURVED));
+  scene_status status = SCENE_OK;
+  *is_smooth = !is_crossed;
+  if (HOLDS && at->element >= 0) {
+    if (at->theta > 0.0) status = vs_land(m, at, theta, defect, loses_rank);
+    if (at->theta == 0.0) *theta = 0.0;
+    *is_smooth = 0;
+    m->event = *theta;
+    return status;
+  }
+  if (is_crossed) {
+    double crossed = *theta;
+    status = vs_cross(m, &m->series[1 - m->present], at, &crossed);
+    *is_smooth = at->guard < 0;
+    /* (Where it turns out not to be there, others may follow soon.) */
+    *theta = *is_smooth ? seriesSmaller(*theta, crossed) : crossed;
+  }
+  if (*is_smooth) status = vs_try(m, at, theta, defect, loses_rank);
+  m->event = at->theta;
+  return status;
+}
+
+/* The step to theta, of h s, has been made. */
+VS_FUNCTION scene_status vs_accept(scene_model* m, const vs_event* at, double theta, double h,
+                                   int is_smooth) {
+  vs_choose_method(m, vs_series(m), h);
+  if (is_smooth) {
+    m->present = 1 - m->present;
+    m->begun = m->now;
+  }
+  m->is_begun = is_smooth;
+  m->reached = theta;
+  m->passed = at->guard;
+  ++m->steps;
+  if (h > 1e-9 * seriesLarger(1.0, m->now.time)) m->series[0].slack = m->series[1].slack = 0.0;
+  return TRANSMITS && !is_smooth ? vs_decide(m, 0) : SCENE_OK;
 }
 
 /* One step of at most `left` s; *made: how long it was. */
@@ -255,51 +308,18 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
   if (m->usual < least && m->usual < 1e-3 * limit) return SCENE_TOO_MANY_STEPS;
   theta = seriesSmaller(limit, m->usual) / vs_series(m)->unit;
   for (trial = 0; trial < 60; ++trial) {
-    vs_event at;
     double defect = 0.0, h, part;
-    /* An event at which nothing jumps is passed like any other step's end. */
-    int is_smooth;
-    at = vs_find_first(m, &theta, &status);
+    int is_met, is_smooth;
+    vs_event at = vs_find_first(m, &theta, &status);
     if (status != SCENE_OK) return status;
-    is_smooth = at.guard < 0 || (!at.jumps && !HAS_ORDER_1 && !(IS_CLASSICAL && IS_CURVED));
-    if (HOLDS && at.element >= 0) {
-      if (at.theta > 0.0) status = vs_land(m, &at, &theta, &defect, &loses_rank);
-      if (at.theta == 0.0) theta = 0.0;
-    } else if (is_smooth) {
-      status = vs_try(m, &at, &theta, &defect, &loses_rank);
-    } else {
-      double crossed = theta;
-      status = vs_cross(m, &m->series[1 - m->present], &at, &crossed);
-      is_smooth = at.guard < 0;
-      if (is_smooth)
-        status = vs_try(m, &at, &theta, &defect, &loses_rank);
-      else
-        theta = crossed;
-    }
-    m->event = at.theta;
+    status = vs_pass(m, &at, &theta, &defect, &loses_rank, &is_smooth);
     h = theta * vs_series(m)->unit;
-    if (at.guard >= 0 || at.element >= 0)
-      m->crossings = h <= 1e-9 * seriesLarger(1.0, m->now.time) ? m->crossings + 1 : 0;
-    else
-      m->crossings = 0;
+    is_met = at.guard >= 0 || at.element >= 0;
+    m->crossings = is_met && h <= 1e-9 * seriesLarger(1.0, m->now.time) ? m->crossings + 1 : 0;
     if (status == SCENE_OK && m->crossings > 20) return SCENE_CHATTERING;
     if (status == SCENE_OK && defect <= 1.0) {
-      if (HOLDS && at.element >= 0) { /* the modes behind it have another series */
-        is_smooth = 0;
-        m->event = theta;
-      }
-      vs_choose_method(m, vs_series(m), h);
-      if (is_smooth) {
-        m->present = 1 - m->present;
-        m->begun = m->now;
-      }
-      m->is_begun = is_smooth;
-      m->reached = theta;
-      m->passed = at.guard;
-      ++m->steps;
       *made = h;
-      if (h > 1e-9 * seriesLarger(1.0, m->now.time)) m->series[0].slack = m->series[1].slack = 0.0;
-      return TRANSMITS && !is_smooth ? vs_decide(m, 0) : SCENE_OK;
+      return vs_accept(m, &at, theta, h, is_smooth);
     }
     ++m->rejections;
     m->now = before;
