@@ -121,7 +121,7 @@ void Integrator::beginFrom(double time, const State& x, const double* epsilon,
 }
 
 void Integrator::goOnFrom(const TimeOrigin& origin, const State& x, const double* epsilon,
-                          const double* longest_rows, double trial) {
+                          const double* longest_rows) {
   crossing_.reset();
   step_.checks.reset();
   step_.rows.reset();
@@ -132,11 +132,6 @@ void Integrator::goOnFrom(const TimeOrigin& origin, const State& x, const double
   }
   step_.is_at_start = false;
   restart();
-  if (trial == 0.0 || !step_.status.ok()) return;
-  step_.choice.challenge(trial);
-  step_.stepper = &step_.choice.stepper();
-  size_.forgetErrors();
-  step_.next_length = trial;
 }
 
 void Integrator::settle(double h) {

@@ -62,10 +62,9 @@ class Integrator {
   void beginFrom(double time, const State& x, const double* epsilon,
                  const MotionState::History& history);
   /// The same motion goes on at `origin`, where another way of stepping has brought it: what is
-  /// known of its stiffness stays. `trial`: implicit steps are tried, and have to get further than
-  /// this, s; 0: they are not.
+  /// known of its stiffness stays.
   void goOnFrom(const TimeOrigin& origin, const State& x, const double* epsilon,
-                const double* longest_rows, double trial);
+                const double* longest_rows);
   /// Near rest: lets an implicit stepper of `auto` go on, from steps of h s on.
   void settle(double h);
   /// Lets an implicit stepper go on where no series does.

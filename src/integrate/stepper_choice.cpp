@@ -198,7 +198,7 @@ double StepperChoice::tryStep(System& system, Stepper& stepper, const StepNode& 
 
 bool StepperChoice::getsFurther(const Pair& one, double step, const Pair& other,
                                 double other_step) const {
-  return step / workOf(one) > kAdvantage * (other_step / workOf(other));
+  return step / one.outer->work() > kAdvantage * (other_step / other.outer->work());
 }
 
 void StepperChoice::goOverTo(Pair* other) {

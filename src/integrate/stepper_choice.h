@@ -1,6 +1,7 @@
 /// Which stepper makes the next step: the one that the scene names, or `auto`.
 ///
-/// The rule of `auto`:
+/// The rule of `auto` where the scene's program, which has one of its own (runtime/stiffness.h),
+/// does not make the steps:
 /// - It starts with the motion's series (taylor). Where a function of the scene is opaque, and the
 ///   motion has none, it steps by dopri5: fehlberg78 needs a sixth less right-hand sides at 1e-9
 ///   and more above 1e-7, but 13 for each sample, as it has no dense output.
@@ -91,8 +92,6 @@ class StepperChoice {
     unseen_ = 0;
     return addSuspicion(stiffness());
   }
-  /// Steps by series are made by another program, which works faster than the stepper here.
-  void letProgramStep() { series_work_ = kWorkOfProgram; }
   /// Implicit steps are tried, and have to get further than steps of h s. [loop]
   void challenge(double h) {
     challenged_ = active_;
@@ -124,9 +123,6 @@ class StepperChoice {
 
   /// For the same work, and by more than a change costs.
   bool getsFurther(const Pair& one, double step, const Pair& other, double other_step) const;
-  double workOf(const Pair& pair) const {
-    return (&pair == &first_ ? series_work_ : 1.0) * pair.outer->work();
-  }
   void goOverTo(Pair* other);
 
   /// |h lambda| over its bound: above 1 a step counts kStrong times, above this once. At tight
@@ -150,11 +146,6 @@ class StepperChoice {
   /// Work is known roughly only, and a change costs a few short steps.
   static constexpr double kAdvantage = 1.2;
 
-  /// Work of a step by the scene's program, as a part of that of the stepper: measured on the
-  /// applications, 1.5 us beside 3 us and more.
-  static constexpr double kWorkOfProgram = 0.5;
-
-  double series_work_ = 1.0;
   bool automatic_;
   bool fixed_;
   double relative_tolerance_;

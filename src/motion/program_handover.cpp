@@ -3,7 +3,6 @@
 #include <cmath>
 #include <limits>
 
-#include "integrate/series_stiffness.h"
 #include "motion/program_motion.h"
 
 namespace variator_sim {
@@ -75,7 +74,7 @@ void ProgramMotion::takeOver() {
   settling_ = 0;
 }
 
-void ProgramMotion::handOver(int steps, double trial) {
+void ProgramMotion::handOver(int steps) {
   host_->leave(&it_);
   TimeOrigin front;
   front.moveTo(it_.time);
@@ -89,7 +88,7 @@ void ProgramMotion::handOver(int steps, double trial) {
   }
   State x(motion_->system.size());
   std::copy_n(state_, x.size(), x.begin());
-  motion_->integrator.goOnFrom(front, x, state_ + 2 * scene.shaftCount(), longest_, trial);
+  motion_->integrator.goOnFrom(front, x, state_ + 2 * scene.shaftCount(), longest_);
   motion_->forgetSample();
   is_integrated_ = true;
   has_step_ = false;
@@ -101,20 +100,6 @@ void ProgramMotion::noteRounding() {
   State x(motion_->system.size());
   std::copy_n(state_, x.size(), x.begin());
   motion_->integrator.noteRounding(it_.time, x);
-}
-
-double ProgramMotion::calcStiffness() {
-  const double* rows[4 * kMaxShafts];
-  vs_shown shown = {rows, 0, 0.0, 0.0};
-  host_->show(&shown);
-  const bool is_classical = scene.principle == Principle::kGauss;
-  const int last = is_classical ? shown.last + 1 : shown.last;
-  if (last < series_stiffness::kDerivatives) return 0.0;
-  const int first = motion_->system.readsAngles() ? 0 : scene.shaftCount();
-  return series_stiffness::estimate(
-      shown.rows, first, motion_->system.size(), last, it_.usual / shown.unit,
-      series_stiffness::EarlyTerm(last),
-      {scene.solver.absolute_tolerance, scene.solver.relative_tolerance});
 }
 
 bool ProgramMotion::reconsider() {
@@ -134,11 +119,7 @@ bool ProgramMotion::reconsider() {
       return true;
     }
   }
-  if (program_->CHOOSES_METHOD != 0) return false;
-  StepperChoice& choice = motion_->integrator.choice();
-  if (!choice.isAutomatic() || !choice.suspect([this] { return calcStiffness(); })) return false;
-  handOver(0, it_.usual);
-  return true;
+  return false;
 }
 
 void ProgramMotion::noteEnergy() {

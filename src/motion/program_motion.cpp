@@ -55,7 +55,6 @@ ProgramMotion::ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgra
   it_.longest = longest_;
   it_.input = input_;
   if (motion_ != nullptr) {
-    motion_->integrator.choice().letProgramStep();
     entries_.resize(static_cast<std::size_t>(program_->K) * scene.shafts.size());
     rows_ = std::make_unique<double[][kMaxShafts]>(static_cast<std::size_t>(program_->K));
   }

@@ -116,11 +116,10 @@ class ProgramMotion final : public MotionBase {
   void takeOver();
   /// The integrator goes on from the end of the step. `steps`: so many at least; `trial`: see
   /// Integrator::goOnFrom.
-  void handOver(int steps, double trial = 0.0);
+  void handOver(int steps);
   /// Lets the integrator take over behind a step where stability limits it, or near rest. True if
   /// it does.
   bool reconsider();
-  double calcStiffness();
   void noteRounding();
   void noteEnergy();
   /// Writes the energy account up to the current time, where the last step is cut.
