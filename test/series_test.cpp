@@ -68,7 +68,7 @@ solver: {stepper: taylor, relative_tolerance: 1e-12, absolute_tolerance: 1e-12}
   System system_;
   std::vector<double> x_;
   const double* rows_[12] = {};
-  vs_shown shown_ = {rows_, 0, 0.0, 0.0};
+  vs_shown shown_ = {rows_, 0, 0.0, 0.0, 0.0};
 };
 
 void expectSeries(const std::string& text, double angle = 0.7, double velocity = 0.5,

@@ -8,7 +8,6 @@
 #include <memory>
 
 #include "expression/series_dot.h"
-#include "integrate/series_stiffness.h"
 #include "integrate/stepper.h"
 
 namespace variator_sim {
@@ -29,7 +28,6 @@ class TaylorStepper final : public Stepper {
     const double ratio = std::pow(std::max(tolerance.relative, 1e-16), 1.0 / most_);
     decay_[0] = 1.0;
     for (int k = 1; k < kTerms; ++k) decay_[k] = ratio * decay_[k - 1];
-    early_ = series_stiffness::EarlyTerm(most_);
   }
   const char* name() const override { return "taylor"; }
   bool stepsBySeries() const override { return true; }
@@ -107,10 +105,7 @@ class TaylorStepper final : public Stepper {
   }
 
   double stiffness(const State& /*x_new*/, const State& /*dxdt_new*/) const override {
-    const int last = lastTerm();
-    if (last < series_stiffness::kDerivatives) return 0.0;
-    return series_stiffness::estimate(rows_, least_angle_, size_, last, length_ / shown_.unit,
-                                      early_, tolerance_);
+    return shown_.stiffness;
   }
 
   bool interpolate(System& system, double time, const StepNode& from, const StepNode& /*to*/,
@@ -233,11 +228,10 @@ class TaylorStepper final : public Stepper {
   /// Sums go by fours.
   static constexpr int kRoom = expression::SeriesProgram::kStride;
   const double* rows_[4 * kMaxShafts] = {};  ///< of coefficients: the state, accelerations, torques
-  vs_shown shown_ = {rows_, 0, 1.0, 0.0};
+  vs_shown shown_ = {rows_, 0, 1.0, 0.0, 0.0};
   double powers_[kRoom] = {};  // of the part of a unit that was looked at last
   int last_power_ = 0;
   State end_;  // of the last step, as its series gives it
-  series_stiffness::EarlyTerm early_{0};
   double base_time_ = std::numeric_limits<double>::quiet_NaN();
   State base_x_;
   State base_dxdt_;

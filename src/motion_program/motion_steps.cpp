@@ -133,7 +133,6 @@ class CompiledHost final : public HostedMotion {
   }
   double calcWork(double at, double* through) override { return work_(code_.model(), at, through); }
   void look(double* entry) override { look_(code_.model(), entry); }
-  void show(vs_shown* to) override { show_(code_.model(), to); }
 
  private:
   CompiledMotion code_;
@@ -147,7 +146,6 @@ class CompiledHost final : public HostedMotion {
   int (*see_)(void*, double, vs_seen*) = code_.find<int, void*, double, vs_seen*>("host_see");
   double (*work_)(void*, double, double*) = code_.find<double, void*, double, double*>("host_work");
   void (*look_)(void*, double*) = code_.find<void, void*, double*>("host_look");
-  void (*show_)(void*, vs_shown*) = code_.find<void, void*, vs_shown*>("host_show");
 };
 
 /// Series and values by a kernel; what is rarely asked for is interpreted.
@@ -186,7 +184,7 @@ std::unique_ptr<HostedMotion> hostMotion(std::shared_ptr<KernelLibrary> library,
                                          const MotionProgram& program) {
   const bool has_all =
       hasFunctions(*library, {"size", "begin", "host_begin", "host_leave", "host_step", "host_cut",
-                              "host_change", "host_see", "host_work", "host_look", "host_show"});
+                              "host_change", "host_see", "host_work", "host_look"});
   return has_all ? std::make_unique<CompiledHost>(std::move(library), program) : nullptr;
 }
 

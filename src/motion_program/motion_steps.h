@@ -29,7 +29,6 @@ class HostedMotion {
   virtual scene_status see(double at, vs_seen* to) = 0;
   virtual double calcWork(double at, double* through) = 0;
   virtual void look(double* entry) = 0;
-  virtual void show(vs_shown* to) = 0;
 };
 
 /// The path of a step that another scheme has made, as parabolas of s = (t - t_0) / length.

@@ -59,6 +59,7 @@ typedef struct {
   int last;                /* the order of the accelerations' */
   double unit;             /* s */
   double length;           /* s: that a step may have */
+  double stiffness;        /* of a step so long (vs_stiffness) */
 } vs_shown;
 
 /* An element that holds, at an instant (scene_sample). */

@@ -461,13 +461,3 @@ VS_FUNCTION void vs_host_look(const vs_host* h, double* entry) {
   int i;
   for (i = 0; i < S * K; ++i) entry[i] = vs_evaluate(it->row[entry_row[i]], it->order, theta);
 }
-
-VS_FUNCTION void vs_host_show(const vs_host* h, vs_shown* to) {
-  const scene_series* const it = &h->model.series[h->taken];
-  int c;
-  for (c = 0; c < 3 * S; ++c) to->rows[c] = it->row[ANGLE + c];
-  for (c = 0; c < S; ++c) to->rows[3 * S + c] = it->row[torque_row[c]];
-  to->last = it->order;
-  to->unit = it->unit;
-  to->length = h->model.usual;
-}

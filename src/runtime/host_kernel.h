@@ -33,9 +33,6 @@ double vs_kernel_host_work(void* h, double at, double* through) {
 void vs_kernel_host_look(void* h, double* entry) {
   vs_host_look(h, entry);
 }
-void vs_kernel_host_show(void* h, vs_shown* to) {
-  vs_host_show(h, to);
-}
 int vs_kernel_host_expand(void* h, const vs_exchange* from, double limit, vs_shown* to) {
   return vs_host_expand(h, from, limit, to);
 }

@@ -2,11 +2,18 @@
 
 /* The series of a state, shown, as far as steps of `limit` s need them; 0 where there are none. */
 VS_FUNCTION int vs_host_expand(vs_host* h, const vs_exchange* from, double limit, vs_shown* to) {
+  const scene_series* it;
   scene_status status;
+  int c;
   vs_take_over(&h->model, from);
   status = vs_expand(&h->model, limit);
-  h->taken = h->model.present;
-  vs_host_show(h, to);
+  it = vs_series(&h->model);
+  for (c = 0; c < 3 * S; ++c) to->rows[c] = it->row[ANGLE + c];
+  for (c = 0; c < S; ++c) to->rows[3 * S + c] = it->row[torque_row[c]];
+  to->last = it->order;
+  to->unit = it->unit;
+  to->length = h->model.usual;
+  to->stiffness = status == SCENE_OK ? vs_stiffness(it, to->length / it->unit) : 0.0;
   return status == SCENE_OK;
 }
 
