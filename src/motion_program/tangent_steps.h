@@ -18,6 +18,9 @@ struct TangentNumbers {
                                             ///< width of a motion are left to another one
 };
 
+/// Derivatives are not judged: their motions are stepped for so small a part of the tolerance.
+constexpr int kTightening = 100;
+
 /// Steps a motion freely ahead of its current time and shows any instant inside the last step.
 /// Quantities: of each shaft angle, velocity, acceleration, applied torque, reaction torque; of
 /// each constraint the multiplier; states; formulas that the program shows.

@@ -42,10 +42,9 @@ std::vector<Node> shownNodes(const Scene& scene) {
   return nodes;
 }
 
-/// Errors of a motion's derivatives are not judged: the motion is stepped more finely for them.
 void tighten(SolverSettings* solver) {
   for (double* tolerance : {&solver->relative_tolerance, &solver->absolute_tolerance}) {
-    *tolerance = std::min(*tolerance, std::max(1e-2 * *tolerance, 1e-13));
+    *tolerance = std::min(*tolerance, std::max(*tolerance / kTightening, 1e-13));
   }
 }
 
