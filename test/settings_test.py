@@ -47,6 +47,7 @@ class LiveSettingsTest(TestCase):
         return [(b - a) // 1000000 for a, b in zip(times, times[1:])]
 
     def test_real_time_factor_changes_without_burst_or_stall(self):
+        self.node.states.wait_new(lambda state: True, 'states before the change')
         self.assertEqual(self.change()['real_time_factor'], 1.0)
         self.assertEqual(self.change(real_time_factor=4.0)['real_time_factor'], 4.0)
         self.assertEqual(rospy.get_param('/live/real_time_factor'), 4.0)
