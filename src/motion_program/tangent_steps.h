@@ -16,6 +16,8 @@ struct TangentNumbers {
   std::vector<double> values;
   std::vector<std::vector<double>> slopes;  ///< by each parameter, or empty; those beyond the
                                             ///< width of a motion are left to another one
+  double relative_tolerance = 0.0;          ///< of the scene
+  double absolute_tolerance = 0.0;
 };
 
 /// Derivatives are not judged: their motions are stepped for so small a part of the tolerance.

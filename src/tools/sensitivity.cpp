@@ -52,6 +52,7 @@ struct Made {
   std::unique_ptr<Scene> scene;
   std::unique_ptr<MotionProgram> program;
   Numbers numbers;
+  SolverSettings solver;  ///< of the scene, as it asks for
 };
 
 Made make(const ParameterTree& tree, const Sensitivity::SceneReader& read) {
@@ -61,6 +62,7 @@ Made make(const ParameterTree& tree, const Sensitivity::SceneReader& read) {
   scene.refuseDelays(
       "derivatives of a run have no past here; allowed: states that follow it instead, rate: (x - "
       "z)/0.2");
+  made.solver = scene.solver;
   tighten(&scene.solver);
   made.program =
       orRefuse("has no derivatives, since its motion is not stepped by power series", [&] {
@@ -119,6 +121,8 @@ struct Source {
          const std::vector<Parameter>& by)
       : base(make(tree, read)) {
     numbers.values = base.numbers;
+    numbers.relative_tolerance = base.solver.relative_tolerance;
+    numbers.absolute_tolerance = base.solver.absolute_tolerance;
     if (by.empty()) return;
     std::vector<double> direction;
     for (std::size_t k = 0; k < by.size(); ++k) {
