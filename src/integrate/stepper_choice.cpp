@@ -125,8 +125,13 @@ bool StepperChoice::reconsider(System& system, const StepNode& node, double limi
 }
 
 bool StepperChoice::considerImplicit(const StepNode& node, double h) {
-  if (!suspect([&] { return active_->outer->stiffness(node.x, node.dxdt); })) return false;
-  challenge(h);
+  // A motion that shows no sign of stiffness is not examined at every step.
+  if (suspicions_ == 0 && settling_ == 0 && ++unseen_ < kUnseen) return false;
+  unseen_ = 0;
+  if (!addSuspicion(active_->outer->stiffness(node.x, node.dxdt))) return false;
+  challenged_ = active_;
+  challenged_step_ = h;
+  goOverTo(&implicit_);
   return true;  // h stays: the first step damps
 }
 

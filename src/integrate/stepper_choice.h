@@ -83,21 +83,6 @@ class StepperChoice {
   /// The same where steps made elsewhere have come near rest.
   bool settle();
 
-  /// After a step, here or elsewhere, by series or explicit: true when its stiffness, a function
-  /// that is called if need be, asks for a trial of implicit ones. [loop]
-  template <class Stiffness>
-  bool suspect(const Stiffness& stiffness) {
-    // A motion that shows no sign of stiffness is not examined at every step.
-    if (suspicions_ == 0 && settling_ == 0 && ++unseen_ < kUnseen) return false;
-    unseen_ = 0;
-    return addSuspicion(stiffness());
-  }
-  /// Implicit steps are tried, and have to get further than steps of h s. [loop]
-  void challenge(double h) {
-    challenged_ = active_;
-    challenged_step_ = h;
-    goOverTo(&implicit_);
-  }
   /// After an accepted step to `node`, the next one to be of size `h`: true when the stepper was
   /// changed, `h` then being its step. [loop]
   bool reconsider(System& system, const StepNode& node, double limit, double* h);

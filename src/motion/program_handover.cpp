@@ -36,7 +36,6 @@ void ProgramMotion::commandIntegrated() {
 bool ProgramMotion::mayTakeOver() {
   Integrator& integrator = motion_->integrator;
   if (steps_left_ > 0 || !integrator.mayStepBySeries()) return false;
-  if (program_->CHOOSES_METHOD == 0 && !integrator.stepsBySeries()) return false;
   // A controller's machine is to be seen at rest at once.
   return integrator.stepStart().time < integrator.stepEnd().time || !integrator.sleepExactly();
 }

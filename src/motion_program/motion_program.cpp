@@ -244,8 +244,7 @@ void MotionProgram::setStages(const Scene& scene) {
                                 std::any_of(rates.values.begin(), rates.values.end(), isRead)
                             ? 1
                             : 0;
-  const bool is_automatic = scene.solver.stepper == StepperKind::kAuto;
-  CHOOSES_METHOD = is_automatic ? 1 : 0;
+  CHOOSES_METHOD = scene.solver.stepper == StepperKind::kAuto ? 1 : 0;
   const int unknowns = SIZE + STATES;
   const int directions = 3 * S + STATES;
   SCENE_WORK = 3 * kStages * unknowns + 2 * (kStages + 1) * S + kStages * INPUT_ROW_COUNT +

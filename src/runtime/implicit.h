@@ -106,18 +106,14 @@ VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* 
  * rate of a fast component only, becomes a polynomial: R[n + 1] of theta^(n + 1). */
 VS_FUNCTION_RARE void vs_integrate_reaction(const vs_stages* of) {
   const int s = of->method->stages;
-  double moved[VS_MOST_STAGES];
+  Real moved[VS_MOST_STAGES + 1] = {0.0}; /* since the begin */
   int i, j, k, n;
   for (i = 0; i < S && !IS_CLASSICAL; ++i) {
     for (j = 0; j < s; ++j) {
-      moved[j] = 0.0;
-      for (k = 0; k < s; ++k) moved[j] += of->h * of->method->A[j][k] * of->P[S * (k + 1) + i];
+      moved[j + 1] = 0.0;
+      for (k = 0; k < s; ++k) moved[j + 1] += of->h * of->method->A[j][k] * of->P[S * (k + 1) + i];
     }
-    for (n = 0; n < s; ++n) {
-      double sum = 0.0;
-      for (j = 0; j < s; ++j) sum += of->method->B[n][j] * moved[j];
-      of->R[S * (n + 1) + i] = sum;
-    }
+    for (n = 0; n < s; ++n) of->R[S * (n + 1) + i] = vs_coefficient(of, n, moved);
   }
 }
 
@@ -237,22 +233,21 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
   const scene_series* const known = !is_begun ? 0 : it->is_implicit ? it : w->is_implicit ? w : 0;
   const double past = known == w ? m->reached : 0.0;
   vs_stages of;
-  double h = m->choice.ahead > 0.0 ? m->choice.ahead : m->usual > 0.0 ? m->usual : 1e-3;
+  const double h = m->choice.ahead > 0.0 ? m->choice.ahead : m->usual > 0.0 ? m->usual : 1e-3;
   int i, trial;
   if (!is_begun && !vs_begin_here(m, vs_unit_of(seriesSmaller(limit, h)))) return SCENE_SINGULAR;
   vs_lay_out(m, RELATIVE_TOLERANCE <= 1e-5 ? 1 : 0, &of);
-  of.h = h = seriesSmaller(h, limit);
+  of.h = seriesSmaller(h, limit);
   vs_guess_stages(it, known, past, &of);
   vs_forget_polynomials(w);
-  w->unit = it->unit = vs_unit_of(h);
+  w->unit = it->unit = vs_unit_of(of.h);
   vs_enter_inputs(m, w, 0);
   vs_enter_state(m, w);
   for (i = 0; i < K; ++i) w->row[MULTIPLIER + i][0] = it->row[MULTIPLIER + i][0];
   if (!vs_find_reaction(w, of.R, of.P)) return SCENE_SINGULAR;
   vs_find_slopes(w, &from, &of);
-  for (trial = 0; trial < 40 && h > least; ++trial) {
+  for (trial = 0; trial < 40 && of.h > least; ++trial) {
     double part, shorter;
-    of.h = h;
     if (trial > 0) {
       vs_enter_inputs(m, w, 0);
       vs_enter_state(m, w);
@@ -261,12 +256,12 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
                             &part);
     if (shorter < 0.0) break;
     if (shorter == 0.0) {
-      if (h < limit || part * h > m->choice.ahead) m->choice.ahead = part * h;
-      m->usual = m->damped = h;
+      if (of.h < limit || part * of.h > m->choice.ahead) m->choice.ahead = part * of.h;
+      m->usual = m->damped = of.h;
       return SCENE_OK;
     }
     ++m->rejections;
-    h *= shorter;
+    of.h *= shorter;
   }
   /* The values at stages, which are in the rows, are no coefficients for the series that follow. */
   it->order = of.method->stages;

@@ -436,19 +436,19 @@ VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stage
 VS_FUNCTION_RARE int vs_find_stages(scene_series* it, scene_series* w, const scene_state* from,
                                     const vs_stages* of, int* rounds) {
   enum { VS_MOST_ROUNDS = 8 };
-  const double left = VS_LEFT;
   double previous = 0.0, rate = 1.0;
   for (*rounds = 1; *rounds <= VS_MOST_ROUNDS; ++*rounds) {
     double size;
     if (!vs_find_residuals(it, w, from, of)) return 0;
     size = vs_correct_stages(it, of);
     if (!isfinite(size)) return 0;
-    if (size <= 0.1 * left) return 1;
+    if (size <= 0.1 * VS_LEFT) return 1;
     if (*rounds > 1) {
       rate = size / previous;
-      if (rate >= 1.0) return size <= left; /* rounding is all that is left */
-      if (rate / (1.0 - rate) * size <= left) return 1;
-      if (*rounds > 3 && pow(rate, VS_MOST_ROUNDS - *rounds) / (1.0 - rate) * size > left) return 0;
+      if (rate >= 1.0) return size <= VS_LEFT; /* rounding is all that is left */
+      if (rate / (1.0 - rate) * size <= VS_LEFT) return 1;
+      if (*rounds > 3 && pow(rate, VS_MOST_ROUNDS - *rounds) / (1.0 - rate) * size > VS_LEFT)
+        return 0;
     }
     previous = size;
   }
