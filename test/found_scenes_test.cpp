@@ -169,12 +169,47 @@ TEST_P(FoundScene, IsRightByOtherMeans) {
   });
 }
 
-INSTANTIATE_TEST_SUITE_P(Test, FoundScene, testing::ValuesIn(readFound()), [](const auto& of) {
+std::string nameOf(const testing::TestParamInfo<Found>& of) {
   std::string name = of.param.name;
   name.erase(0, name.rfind('/') + 1);
   for (char& c : name) c = c == '.' ? '_' : c;
   return name;
-});
+}
+
+INSTANTIATE_TEST_SUITE_P(Test, FoundScene, testing::ValuesIn(readFound()), nameOf);
+
+/// A brake on a shaft of its own changes nothing, but its scene is stepped by its program alone.
+class FoundTorque : public testing::TestWithParam<Found> {
+ public:
+  static std::vector<Found> all() {
+    std::vector<Found> made;
+    for (const Found& found : readFound()) {
+      const bool goes_on = found.fault.empty() && found.chatters_until < 0.0;
+      if (!found.torque.empty() && goes_on) made.push_back(found);
+    }
+    return made;
+  }
+};
+
+TEST_P(FoundTorque, IsRightBesideABrake) {
+  for (const char* principle : {"gauss", "generalized_gauss"}) {
+    inChild([&] {
+      const Found& found = GetParam();
+      std::string keys;
+      for (const std::string& line : split(found.keys, "\n"))
+        if (line.rfind("principle", 0) != 0) keys += line + "\n";
+      play(found,
+           sceneFromText(
+               "shafts: [a, spare]\na: {inertia: 1.0}\nspare: {inertia: 1.0}\n"
+               "torques: [q, brake]\nbrake: {type: variator_sim/Brake, shaft: spare, "
+               "capacity: 5}\nq: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+               found.torque + "\"}\ninitial: {velocity: [" + std::to_string(found.velocity) +
+               ", 0]}\nprinciple: " + principle + "\n" + keys));
+    });
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Test, FoundTorque, testing::ValuesIn(FoundTorque::all()), nameOf);
 
 TEST(FoundState, IsRestoredToTheBit) {
   const Scene scene = sceneFromFile(pathOf("R4_restored_not_to_the_bit.yaml"));

@@ -9,6 +9,8 @@ typedef struct {
   double point; /* of a table */
   int element;  /* that holds, whose mode ends there; -1: none */
   int condition;
+  int lands; /* 1: the state comes to a stop on the jump itself, and the formulas there go on */
+  int lost;  /* the guard of a jump that the state has passed, though its polynomial has no root */
 } vs_event;
 
 VS_FUNCTION const Real* vs_guard(const scene_series* it, int guard) {
@@ -100,13 +102,27 @@ VS_FUNCTION double vs_clearance(const Real* c, int last, double theta, double lo
   return seriesSmaller(c[0] - low, high - c[0]) - (sum + 4.0 * (term + before));
 }
 
+/* Distances from a jump that are nothing. */
+VS_FUNCTION double vs_least_distance(void) {
+  return 1e-100;
+}
+
 /* True where a guard stays on a point up to `reach`, but for what rounding and the tolerance make
  * of it: of speeds that a lock or a gear couples, say. Its modes are those of the point there, and
- * its series is noise, which has roots without end. */
-VS_FUNCTION int vs_rests(const scene_series* it, const Real* x, double reach, double point) {
+ * its series is noise, which has roots without end. Where formulas jump nothing else is taken for
+ * rest than what has died away for good. */
+VS_FUNCTION int vs_rests(const scene_series* it, const Real* x, double reach, double point,
+                         int jumps) {
   const double noise = 1e-3 * vs_tolerance(it, point);
   double sum = fabs(x[0] - point), power = reach;
   int n;
+  if (jumps) {
+    const double fastest = 1e10; /* 1/s, that may have died away */
+    double bound = vs_least_distance();
+    for (n = 0; n <= it->order && (n > 0 ? (double)fabs(x[n]) : sum) <= bound; ++n)
+      bound *= fastest * it->unit;
+    return n > it->order;
+  }
   for (n = 1; n <= it->order && sum <= noise; ++n, power *= reach) sum += fabs(x[n]) * power;
   return sum <= noise;
 }
@@ -115,14 +131,15 @@ VS_FUNCTION int vs_rests(const scene_series* it, const Real* x, double reach, do
  * one on which it begins. */
 VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, double* points) {
   const Real* const x = vs_guard(it, guard);
+  const int jumps = guard < SIGNS ? sign_jumps[guard] : passage_jumps[guard - SIGNS];
   int k;
   points[0] = x[0] >= 0.0 ? 0.0 : -INFINITY;
   points[1] = x[0] < 0.0 ? 0.0 : INFINITY;
   points[2] = x[0] == 0.0 ? 0.0 : INFINITY;
   if (guard >= SIGNS) vs_find_points(it, guard - SIGNS, x[0], &points[0], &points[1], &points[2]);
   if (points[2] != x[0] && vs_clearance(x, it->order, reach, points[0], points[1]) > 0.0) return 0;
-  for (k = 0; k < 3 && !(guard < SIGNS ? sign_jumps[guard] : passage_jumps[guard - SIGNS]); ++k)
-    if (isfinite(points[k]) && vs_rests(it, x, reach, points[k])) return 0;
+  for (k = 0; k < 3; ++k)
+    if (isfinite(points[k]) && vs_rests(it, x, reach, points[k], jumps)) return 0;
   return 1;
 }
 
@@ -132,7 +149,7 @@ VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, dou
 VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it, double* theta,
                                    int but, int has_elements) {
   const double rounding = 8.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time) / it->unit;
-  vs_event found = {0.0, -1, 0, 0.0, 0.0, -1, 0};
+  vs_event found = {0.0, -1, 0, 0.0, 0.0, -1, 0, 0, -1};
   double points[3];
   Real c[VS_STRIDE];
   int g, k, n, first = SIGNS + TABLES; /* the first guard that may pass */
@@ -185,7 +202,8 @@ VS_FUNCTION double vs_distance(const scene_series* it, const vs_event* at) {
 
 VS_FUNCTION int vs_is_beyond(const scene_series* it, const vs_event* at) {
   const double distance = vs_distance(it, at);
-  return at->side == 0.0 ? distance != 0.0 : distance * at->side < 0.0;
+  if (distance == 0.0) return at->lands;
+  return at->side == 0.0 || vs_have_one_sign(-distance, at->side);
 }
 
 /* The heat of element h up to theta, J, the integral of T f. The product is taken up to its own
@@ -302,26 +320,50 @@ VS_FUNCTION scene_status vs_settle_beyond(scene_model* m, scene_series* it, cons
   if (status == SCENE_OK && !IS_CLASSICAL && HAS_RESIDUAL) {
     status = vs_settle_accelerations(m, it);
   }
-  if (status != SCENE_OK || IS_CLASSICAL || !at->jumps) return status;
-  for (i = 0; i < S; ++i) after->torque[i] -= before->torque[i];
-  for (i = 0; i < INPUTS; ++i) u[i] = vs_input_value(&m->now.input[i]);
-  return vs_jump(m, it, u, 0, after->torque, 0);
+  if (status == SCENE_OK && !IS_CLASSICAL && at->jumps) {
+    for (i = 0; i < S; ++i) after->torque[i] -= before->torque[i];
+    for (i = 0; i < INPUTS; ++i) u[i] = vs_input_value(&m->now.input[i]);
+    status = vs_jump(m, it, u, 0, after->torque, 0);
+  }
+  /* (Shortly behind a steep edge the series is that of the edge.) */
+  if (status != SCENE_OK || !HAS_NEUTRAL) return status;
+  return vs_settle(m, it, VS_RESTORES, vs_transmitted(m), 0, 0.0, 25);
 }
 
-/* No jump lies between the two. */
-VS_FUNCTION int vs_keeps_sides(const scene_series* it, const scene_series* next) {
+/* The guard of a jump that lies between the two, or -1. */
+VS_FUNCTION int vs_lost_side(const scene_series* it, const scene_series* next) {
   double low, high, on;
   int g;
   for (g = 0; g < SIGNS; ++g) {
-    const double side = vs_first_sign(it->row[sign_row[g]], it->order);
-    if (sign_jumps[g] && side != 0.0 && !(next->row[sign_row[g]][0] * side > 0.0)) return 0;
+    const Real *const c = it->row[sign_row[g]], *const end = next->row[sign_row[g]];
+    const double side = vs_first_sign(c, it->order);
+    if (!sign_jumps[g] || side == 0.0 || vs_have_one_sign(end[0], side)) continue;
+    if (seriesLarger(fabs(c[0]), fabs(end[0])) > vs_least_distance()) return g;
   }
   for (g = 0; g < TABLES; ++g) {
     const double x = next->row[passage_row[g]][0];
     vs_find_points(it, g, it->row[passage_row[g]][0], &low, &high, &on);
-    if (passage_jumps[g] && !(on < INFINITY) && !(x > low && x < high)) return 0;
+    if (passage_jumps[g] && !(on < INFINITY) && !(x > low && x < high)) return SIGNS + g;
   }
-  return 1;
+  return -1;
+}
+
+/* The event of the guard at->lost, which the state passes up to theta. */
+VS_FUNCTION void vs_meet_lost(const scene_series* it, vs_event* at, double theta) {
+  const Real* const c = vs_guard(it, at->lost);
+  double low, high, on, slope = 0.0;
+  int n;
+  at->theta = theta;
+  at->guard = at->lost;
+  at->jumps = 1;
+  at->point = 0.0;
+  at->side = vs_first_sign(c, it->order);
+  at->element = -1;
+  if (at->lost < SIGNS) return;
+  vs_find_points(it, at->lost - SIGNS, c[0], &low, &high, &on);
+  for (n = it->order; n > 0; --n) slope = slope * theta + n * c[n];
+  at->point = slope < 0.0 ? low : high;
+  at->side = c[0] - at->point;
 }
 
 /* How far behind an event rounding does not reach, in units: the first instant at which the state
@@ -349,13 +391,16 @@ VS_FUNCTION void vs_bracket(scene_model* m, scene_series* it, const scene_state*
     low = seriesLarger(0.0, at->theta - back);
     vs_look_from(m, it, base, at, low, before);
     if (low == 0.0) break;
-    if (vs_distance(it, at) * at->side > 0.0 && vs_keeps_sides(vs_series(m), it)) break;
+    if (vs_have_one_sign(vs_distance(it, at), at->side) && vs_lost_side(vs_series(m), it) < 0)
+      break;
   }
   for (trial = 0; trial < 40; ++trial, ahead *= 2.0) {
     *theta = seriesSmaller(at->theta + ahead, end);
     vs_look_from(m, it, base, at, *theta, after);
     if (vs_is_beyond(it, at)) break;
     if (*theta == end) {
+      at->lands = at->jumps && vs_distance(it, at) == 0.0;
+      if (at->lands) break;
       at->guard = -1;
       return;
     }
@@ -366,7 +411,8 @@ VS_FUNCTION void vs_bracket(scene_model* m, scene_series* it, const scene_state*
     vs_look_from(m, it, base, at, middle, &found);
     if (vs_is_beyond(it, at)) {
       *theta = middle;
-    } else if (vs_distance(it, at) * at->side > 0.0 && vs_keeps_sides(vs_series(m), it)) {
+    } else if (vs_have_one_sign(vs_distance(it, at), at->side) &&
+               vs_lost_side(vs_series(m), it) < 0) {
       low = middle;
       *before = found;
     } else {

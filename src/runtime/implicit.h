@@ -236,6 +236,9 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
   const double h = m->choice.ahead > 0.0 ? m->choice.ahead : m->usual > 0.0 ? m->usual : 1e-3;
   int i, trial;
   if (!is_begun && !vs_begin_here(m, vs_unit_of(seriesSmaller(limit, h)))) return SCENE_SINGULAR;
+  /* (Where a formula has no series, no rate of R exists.) */
+  for (i = 0; i < K; ++i)
+    if (!isfinite(it->row[MULTIPLIER + i][0])) VS_SET_VALUE(it->row[MULTIPLIER + i][0], 0.0);
   vs_lay_out(m, RELATIVE_TOLERANCE <= 1e-5 ? 1 : 0, &of);
   of.h = seriesSmaller(h, limit);
   vs_guess_stages(it, known, past, &of);

@@ -327,11 +327,16 @@ VS_INLINE void vs_square_root(Real* y, const Real* x, int n) {
   y[n] = (x[n] - vs_convolve_self(y, n, 1)) * y[VS_KEPT];
 }
 
-/* y = x^k: x y' = k x' y, so x_0 y_n = (k + 1)/n sum_{j>0} j x_j y_{n-j} - sum_{j>0} x_j y_{n-j} */
+/* y = x^k: x y' = k x' y, so x_0 y_n = (k + 1)/n sum_{j>0} j x_j y_{n-j} - sum_{j>0} x_j y_{n-j};
+ * at x_0 = 0 the derivatives below the k-th are 0, and the others no numbers */
 VS_INLINE void vs_power(Real* y, const Real* x, const Real* rate, int last, Real k, int n) {
   if (n == 0) {
     y[0] = pow(x[0], k);
     y[VS_KEPT] = 1.0 / x[0];
+    return;
+  }
+  if (x[0] == 0.0 && n < k) {
+    y[n] = 0.0;
     return;
   }
   y[n] = vs_fuse(k + 1.0, vs_chain(rate, y, last, n), -vs_convolve(y, x, n, 0, 1)) * y[VS_KEPT];

@@ -18,15 +18,15 @@ VS_FUNCTION int vs_has_converged(const Real* values, const Real* change, double*
   return ends && !VS_CONVERGES_LATE;
 }
 
-/* Adds a correction. What is stuck would come to 0 by ever smaller ones, each the rounding of the
- * last, until they underflow: such a rest is left to the next one. */
+/* Adds a correction. What comes to rest would come to 0 by ever smaller ones, each the rounding of
+ * the last, until they underflow: such a rest is left to the next one. */
 VS_FUNCTION void vs_correct(Real* values, const Real* change) {
   double size = 0.0;
   int i;
-  for (i = 0; i < S && HOLDS; ++i) size = seriesLarger(size, fabs(change[i]));
+  for (i = 0; i < S; ++i) size = seriesLarger(size, fabs(change[i]));
   for (i = 0; i < S; ++i) {
     values[i] += change[i];
-    if (HOLDS && fabs(values[i]) <= 1e-8 * size) VS_SET_VALUE(values[i], 0.0);
+    if (fabs(values[i]) <= 1e-8 * size) VS_SET_VALUE(values[i], 0.0);
   }
 }
 

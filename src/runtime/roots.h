@@ -8,6 +8,11 @@ VS_INLINE Real vs_evaluate(const Real* c, int n, Real x) {
   return sum;
 }
 
+/* True where both are above 0, or both below. (Their product underflows.) */
+VS_INLINE int vs_have_one_sign(Real a, Real b) {
+  return a > 0.0 ? b > 0.0 : a < 0.0 && b < 0.0;
+}
+
 /* The root of p between low and high, at whose ends it has different signs: Newton's iteration,
  * bisection where that leaves the interval. Returns the end on the far side of the root where the
  * two cannot be told apart. */
@@ -78,18 +83,19 @@ static Real vs_first_root(const Real* c, int n, Real end) {
   }
   if (side == 0.0 || fabs(side) > sum) return 2.0 * end;
   if (n == 0 || fabs(c[1]) * end > bend) {
-    return vs_evaluate(c, n, end) * side < 0.0 ? vs_refine_root(c, n, 0.0, end) : 2.0 * end;
+    return vs_have_one_sign(-vs_evaluate(c, n, end), side) ? vs_refine_root(c, n, 0.0, end)
+                                                           : 2.0 * end;
   }
   for (rounds = 0; rounds < 4000 && low < end; ++rounds) {
     const Real high = low + width < end ? low + width : end;
     const Real value = vs_evaluate(c, n, high);
     const int changes = vs_count_sign_changes(c, n, low, high - low);
-    if (changes == 1 && value * side < 0.0) return vs_refine_root(c, n, low, high);
+    if (changes == 1 && vs_have_one_sign(-value, side)) return vs_refine_root(c, n, low, high);
     /* (One change and no other sign: there is a root at `high`, but for rounding.) */
     if (value == 0.0 && high < end) {
       width = 0.7 * (high - low); /* no interval begins on a root */
     } else if (changes == 0 || high - low < 1e-13 * end) {
-      if (value * side < 0.0) return high;
+      if (vs_have_one_sign(-value, side)) return high;
       low = high;
       width *= 2.0;
     } else {

@@ -269,6 +269,21 @@ VS_FUNCTION_RARE int vs_find_residuals(scene_series* it, scene_series* w, const 
 
 /* ---- Newton's iteration ---- */
 
+/* Slopes that are not finite, as that of a root at 0, become 0: Newton's iteration converges by
+ * itself in a step that is short enough. */
+VS_FUNCTION_RARE void vs_drop_endless(scene_series* w, const vs_stages* of) {
+  int has_endless = 0, n;
+  for (n = 0; n < DIRECTIONS * UNKNOWNS; ++n) {
+    if (isfinite(of->slope[n])) continue;
+    of->slope[n] = 0.0;
+    has_endless = 1;
+  }
+  for (n = 0; n < DIRECTIONS * S; ++n)
+    if (!isfinite(of->pull_slope[n])) of->pull_slope[n] = 0.0;
+  for (n = 0; n < SCENE_ROWS && has_endless; ++n)
+    memset(w->row[n] + 1, 0, sizeof w->row[n] - sizeof(Real));
+}
+
 /* The derivatives of the residuals by the state that was entered in w, along each of epsilon,
  * omega, phi and z. */
 VS_FUNCTION_RARE void vs_find_slopes(scene_series* w, const scene_state* from,
@@ -313,6 +328,7 @@ VS_FUNCTION_RARE void vs_find_slopes(scene_series* w, const scene_state* from,
     for (i = 0; i < STATES; ++i) slope[SIZE + i] = -w->row[rate_row[i]][1];
   }
   w->is_path = 0;
+  vs_drop_endless(w, of);
 }
 
 /* Entry (i, q) of the derivative of residual i by unknown q:

@@ -1,6 +1,15 @@
 /* A step: the series of the present, how far it holds, and the state there, from which the next
  * series begins. */
 
+/* True where a lag has come so near to its target that it is the target, and stays it. */
+VS_FUNCTION int vs_has_settled(const scene_signal* s) {
+  Real u[2];
+  if (s->form != VS_EXPONENTIAL && s->form != VS_CRITICAL) return 0;
+  vs_expand_input(s, 1.0, 1, u);
+  return VS_IS_SAME(u[0], s->target) &&
+         fabs(u[1]) <= 4.0 * DBL_EPSILON * fabs(s->target) * s->inverse_tau;
+}
+
 /* Inputs whose closed form has ended hold its value: at the end itself the rate is still that of
  * the form. */
 VS_FUNCTION void vs_end_inputs(scene_model* m) {
@@ -8,7 +17,8 @@ VS_FUNCTION void vs_end_inputs(scene_model* m) {
   (void)state_is_wanted, (void)delay_input; /* (Only hosts ask for them.) */
   for (i = 0; i < INPUTS; ++i) {
     scene_signal* const s = &m->now.input[i];
-    if (s->age >= s->end && s->form != VS_DELAYED) vs_hold_constant(s, s->target);
+    if ((s->age >= s->end && s->form != VS_DELAYED) || vs_has_settled(s))
+      vs_hold_constant(s, s->target);
   }
 }
 
@@ -161,21 +171,28 @@ VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, dou
   scene_series* const next = &m->series[1 - m->present];
   const scene_state before = m->now;
   scene_state expected;
+  /* (The instant of a kink is known up to its rounding.) */
+  const double rounding = 4.0 * DBL_EPSILON * seriesLarger(1.0, before.time);
   const scene_status status = at->guard >= 0 ? vs_move_behind(m, &before, at, theta, &expected)
                                              : vs_move_to(m, &before, at, *theta, &expected);
+  double behind;
   int i, is_kink;
   if (status != SCENE_OK) return status;
+  behind = seriesLarger(0.0, *theta - at->theta) * it->unit + rounding;
   is_kink = at->guard >= 0;
   for (i = 0; i < INPUTS; ++i) {
     const scene_signal* const s = &m->now.input[i];
     is_kink = is_kink || (s->form == VS_RAMP && s->age >= s->end);
   }
-  *defect = it->is_implicit ? 0.0
-                            : vs_defect(m, it, next, &expected, *theta, is_kink,
-                                        seriesLarger(0.0, *theta - at->theta) * it->unit);
+  *defect = it->is_implicit ? 0.0 : vs_defect(m, it, next, &expected, *theta, is_kink, behind);
   *loses_rank = !vs_keeps_rank(m, it, next);
-  if (*loses_rank || !vs_keeps_sides(it, next) || vs_has_leapt(m, &before, &expected))
-    *defect = INFINITY;
+  if (*loses_rank || vs_has_leapt(m, &before, &expected)) *defect = INFINITY;
+  at->lost = isfinite(*defect) ? vs_lost_side(it, next) : -1;
+  if (at->lost < 0) return SCENE_OK;
+  /* (Accelerations that follow from the state show the jump, too.) */
+  if (*defect > 1.0 && *theta * it->unit > m->usual / 64.0) at->lost = -1;
+  *defect = INFINITY;
+  m->now = before;
   return SCENE_OK;
 }
 
@@ -210,13 +227,18 @@ VS_FUNCTION scene_status vs_land(scene_model* m, const vs_event* at, double* the
 
 /* Polynomials of a step of at most `limit` s, by the method that was chosen. */
 VS_FUNCTION scene_status vs_find_polynomials(scene_model* m, double limit) {
+  scene_status status;
   /* (Series make a step that is no longer than theirs.) */
   if (CHOOSES_METHOD && m->choice.method == VS_IMPLICIT && limit > m->choice.by_series) {
-    const scene_status status = vs_expand_implicitly(m, limit);
+    status = vs_expand_implicitly(m, limit);
     if (status == SCENE_OK) return status;
     vs_give_up_implicit(m);
   }
-  return vs_expand(m, limit);
+  status = vs_expand(m, limit);
+  if (!CHOOSES_METHOD || status != SCENE_NOT_FINITE) return status;
+  vs_go_around(m);
+  status = vs_expand_implicitly(m, limit);
+  return status == SCENE_TOO_MANY_STEPS ? SCENE_NOT_FINITE : status;
 }
 
 /* The first event up to *theta. The formulas behind it are others: the polynomials of an implicit
@@ -257,9 +279,9 @@ VS_FUNCTION vs_event vs_find_first(scene_model* m, double* theta, scene_status* 
 VS_FUNCTION scene_status vs_pass(scene_model* m, vs_event* at, double* theta, double* defect,
                                  int* loses_rank, int* is_smooth) {
   /* An event at which nothing jumps is passed like any other step's end. */
-  const int is_crossed =
-      at->guard >= 0 && (at->jumps || HAS_ORDER_1 || (IS_CLASSICAL && IS_CURVED));
+  int is_crossed = at->guard >= 0 && (at->jumps || HAS_ORDER_1 || (IS_CLASSICAL && IS_CURVED));
   scene_status status = SCENE_OK;
+  int round;
   *is_smooth = !is_crossed;
   if (HOLDS && at->element >= 0) {
     if (at->theta > 0.0) status = vs_land(m, at, theta, defect, loses_rank);
@@ -268,14 +290,20 @@ VS_FUNCTION scene_status vs_pass(scene_model* m, vs_event* at, double* theta, do
     m->event = *theta;
     return status;
   }
-  if (is_crossed) {
-    double crossed = *theta;
-    status = vs_cross(m, &m->series[1 - m->present], at, &crossed);
-    *is_smooth = at->guard < 0;
-    /* (Where it turns out not to be there, others may follow soon.) */
-    *theta = *is_smooth ? seriesSmaller(*theta, crossed) : crossed;
+  for (round = 0; round < 2; ++round) {
+    if (is_crossed) {
+      double crossed = *theta;
+      *defect = 0.0;
+      status = vs_cross(m, &m->series[1 - m->present], at, &crossed);
+      *is_smooth = at->guard < 0;
+      /* (Where it turns out not to be there, others may follow soon.) */
+      *theta = *is_smooth ? seriesSmaller(*theta, crossed) : crossed;
+    }
+    if (*is_smooth) status = vs_try(m, at, theta, defect, loses_rank);
+    if (!*is_smooth || status != SCENE_OK || at->lost < 0) break;
+    vs_meet_lost(vs_series(m), at, *theta);
+    is_crossed = 1;
   }
-  if (*is_smooth) status = vs_try(m, at, theta, defect, loses_rank);
   m->event = at->theta;
   return status;
 }

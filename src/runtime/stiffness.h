@@ -136,6 +136,15 @@ VS_FUNCTION_RARE void vs_reconsider(scene_model* m) {
   if (choice->by_series > 0.0) m->usual = choice->by_series;
 }
 
+/* A formula has no series here, as a root at 0 has none: some steps by stages, which need its
+ * values alone, lead away from there. */
+VS_FUNCTION_RARE void vs_go_around(scene_model* m) {
+  enum { VS_STEPS_AROUND = 10 };
+  vs_go_over(m, VS_IMPLICIT);
+  m->choice.left = VS_STEPS_AROUND;
+  m->choice.by_series = m->choice.ahead = 0.0;
+}
+
 /* No implicit step was found: series make the next ones. */
 VS_FUNCTION_RARE void vs_give_up_implicit(scene_model* m) {
   vs_go_over(m, VS_BY_SERIES);
