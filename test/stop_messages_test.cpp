@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "support/clutch.h"
 #include "support/scenes.h"
@@ -192,6 +194,25 @@ TEST(Friction, WarnsOfAStaticTorqueThatIsNeverReached) {
   EXPECT_TRUE(warningsOf("stribeck_speed: 0.01, regularization_speed: 0.0003").empty());
   EXPECT_EQ(warningsOf("stribeck_speed: 0.05, regularization_speed: 0.01").size(), 1U);
   EXPECT_TRUE(warningsOf("stribeck_speed: 0.1, regularization_speed: 0.01").empty());
+}
+
+// --- scenes that are stepped by their program alone --------------------------------------------
+
+TEST(BesideABrake, StopsNameTheElementAndAWayOut) {
+  const std::vector<std::pair<std::string, std::vector<std::string>>> stops = {
+      {"1 - 3*sign(w_a)", {"Chattering", "tanh(w/0.01) for sign(w)", "torque 'q'"}},
+      {"sqrt(w_a - 1)", {"NonFiniteValue", "torque 'q', its 0.5*e_a/sqrt(w_a - 1)"}},
+      {"w_a^2", {"StepUnderflow", "ever faster", "the shafts run away, driven by torque 'q'"}},
+      {"100*cos(5e4*t)", {"StepLimit", "'solver/maximum_steps: ", "fastest changes torque 'q'"}}};
+  for (const auto& [torque, words] : stops) {
+    const std::string text =
+        stopOf("shafts: [a, spare]\na: {inertia: 1}\nspare: {inertia: 1}\ntorques: [q, brake]\nq" +
+                   std::string(kTorque) + "a, torque: '" + torque +
+                   "'}\nbrake: {type: variator_sim/Brake, shaft: spare, capacity: 5}\n" +
+                   "initial: {velocity: [1, 0]}\nsolver: {maximum_steps: 1000}\n",
+               3.0);
+    for (const std::string& word : words) expectText(text, word);
+  }
 }
 
 }  // namespace

@@ -205,34 +205,35 @@ double Drivetrain::calcResidual(int m, const StateView& state, const double* eta
   return c0;
 }
 
-bool Drivetrain::findNonFinite(StateView state, int* torque, int* row) const {
+bool findNonFinite(const Scene& scene, StateView state, int* torque, int* constraint) {
   static constexpr double kZeros[kMaxShafts] = {};
-  const auto isFinite = [this](const double* values) {
+  const int S = scene.shaftCount();
+  const auto isFinite = [S](const double* values) {
     return std::all_of(values, values + S, [](double value) { return std::isfinite(value); });
   };
   const auto findTorque = [&](void (Torque::*add)(const StateView&, double*) const) {
-    for (std::size_t j = 0; j < torques_.size() && *torque < 0; ++j) {
+    for (std::size_t j = 0; j < scene.torques.size() && *torque < 0; ++j) {
       double value[kMaxShafts] = {};
-      (torques_[j]->*add)(state, value);
+      ((*scene.torques[j]).*add)(state, value);
       if (!isFinite(value)) *torque = static_cast<int>(j);
     }
     return *torque >= 0;
   };
   *torque = -1;
-  *row = -1;
+  *constraint = -1;
   // The order of dependence is Q, the accelerations, psi, Q'. A law that reads accelerations which
   // are not finite is a consequence of an earlier one.
   if (findTorque(&Torque::addTorque)) return true;
   if (!isFinite(state.acceleration)) state.acceleration = kZeros;
-  for (int m = 0; m < constraintCount(); ++m) {
+  for (std::size_t m = 0; m < scene.constraints.size(); ++m) {
+    const Constraint& law = *scene.constraints[m];
     double C[kMaxShafts];
     double c0;
-    constraint(m).calcRow(state, C, &c0);
-    const bool is_finite =
-        std::isfinite(c0) && isFinite(C) &&
-        (constraint(m).order() == 3 || std::isfinite(constraint(m).calcResidual(state)));
+    law.calcRow(state, C, &c0);
+    const bool is_finite = std::isfinite(c0) && isFinite(C) &&
+                           (law.order() == 3 || std::isfinite(law.calcResidual(state)));
     if (is_finite) continue;
-    *row = m;
+    *constraint = static_cast<int>(m);
     return true;
   }
   return findTorque(&Torque::addTorqueRate);

@@ -20,6 +20,10 @@
 
 namespace variator_sim {
 
+/// Finds the component whose value is not finite at `state` (first torques, then constraints), for
+/// messages. Returns false when all are finite.
+bool findNonFinite(const Scene& scene, StateView state, int* torque, int* constraint);
+
 /// The scene is constant; only the inputs' current closed forms, the inertia at the last evaluated
 /// angle and the counters change. All evaluations are [loop].
 class Drivetrain {
@@ -362,9 +366,10 @@ class Drivetrain {
   /// Returns the residual of f, psi, or C eta + c0.
   double calcResidual(int m, const StateView& state, const double* eta) const;
 
-  /// Finds the component whose value is not finite at `state` (first torques, then constraints),
-  /// for messages. Returns false when all are finite.
-  bool findNonFinite(StateView state, int* torque, int* row) const;
+  /// See below.
+  bool findNonFinite(const StateView& state, int* torque, int* row) const {
+    return variator_sim::findNonFinite(scene_, state, torque, row);
+  }
 
  private:
   void setInput(int i, const CommandSignal::Moment& moment) {

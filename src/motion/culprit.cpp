@@ -12,6 +12,7 @@
 
 #include "expression/term_maker.h"
 #include "variator_sim/component_factory.h"
+#include "variator_sim/expression/guards.h"
 #include "variator_sim/overrides.h"
 
 namespace variator_sim {
@@ -289,22 +290,38 @@ std::string Culprits::findRemedy(Element element, double factor) const {
   return best;
 }
 
-std::string Culprits::findNonFinitePart(Element element) const {
+Element findOwner(const Scene& scene, expression::Node argument) {
+  const auto owns = [&](Element element) {
+    const std::vector<expression::Branch> branches =
+        expression::findBranches(*scene.graph, formulasOf(scene, element));
+    return std::any_of(branches.begin(), branches.end(), [&](const expression::Branch& it) {
+      return it.argument.index == argument.index;
+    });
+  };
+  for (int j = 0; j < static_cast<int>(scene.torques.size()); ++j)
+    if (owns({j, -1})) return {j, -1};
+  for (int m = 0; m < scene.constraintCount(); ++m)
+    if (owns({-1, m})) return {-1, m};
+  return {};
+}
+
+std::string findNonFinitePart(const Scene& scene, Element element, const StateView& state) {
   constexpr std::size_t kMost = 500;
-  const expression::Graph& graph = *scene_.graph;
+  const int S = scene.shaftCount();
+  const expression::Graph& graph = *scene.graph;
   std::vector<expression::Node> parts;
-  for (const expression::Node formula : formulasOf(scene_, element)) {
+  for (const expression::Node formula : formulasOf(scene, element)) {
     for (const int n : graph.listReachable({formula})) parts.push_back({n});
     if (parts.size() > kMost) return "";
   }
   const expression::Tape tape(graph, parts);
   double ahead = 0.0;
   for (int power = -14; power <= -1; ahead = std::pow(10.0, power), ++power) {
-    Beside there(state_, S);
+    Beside there(state, S);
     there.view.time += ahead;
     for (int i = 0; i < S; ++i) {
-      const double epsilon = state_.acceleration[i];
-      there.angle[i] += ahead * state_.velocity[i];
+      const double epsilon = state.acceleration[i];
+      there.angle[i] += ahead * state.velocity[i];
       if (std::isfinite(epsilon)) there.velocity[i] += ahead * epsilon;
     }
     // Operands precede their users.
@@ -314,7 +331,7 @@ std::string Culprits::findNonFinitePart(Element element) const {
     if (bad == end) continue;
     try {
       const auto part = parts[static_cast<std::size_t>(bad - begin)];
-      const expression::Terms terms = makeTerms(graph, {part}, nameVariables(scene_));
+      const expression::Terms terms = makeTerms(graph, {part}, nameVariables(scene));
       return terms.shared.empty() ? toText(*terms.roots.front()) : "";
     } catch (const std::out_of_range&) {  // a table
       return "";

@@ -23,6 +23,13 @@ double toOneDigit(double value, bool is_up);
 /// Returns "'KEY: VALUE'".
 std::string assign(const std::string& path, double value);
 
+/// Returns the element one of whose laws changes its branch where `argument` passes 0; none of
+/// laws of other kinds.
+Element findOwner(const Scene& scene, expression::Node argument);
+/// Returns the part of an element's formulas that is not finite at `state`, or within the next
+/// 0.01 s, while its operands are: "sqrt(10 - w_load)"; "" for laws without formulas.
+std::string findNonFinitePart(const Scene& scene, Element element, const StateView& state);
+
 class Culprits {
  public:
   /// All have to outlive it; `inertia` is evaluated at `state`.
@@ -42,9 +49,6 @@ class Culprits {
   /// least elsewhere: a width rather than a height. "" for elements of other packages, and if no
   /// single number suffices.
   std::string findRemedy(Element element, double factor) const;
-  /// Returns the part of an element's formulas that is not finite here, or within the next 0.01 s,
-  /// while its operands are: "sqrt(10 - w_load)"; "" for laws without formulas.
-  std::string findNonFinitePart(Element element) const;
 
  private:
   struct Shafts;

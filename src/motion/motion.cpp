@@ -189,7 +189,12 @@ Statistics& Motion::statistics() {
 }
 
 std::string Motion::describeStop() {
-  return variator_sim::describeStop(*this);
+  if (status().ok()) return "";
+  const int guard = status().guard;
+  const StateView state = view();
+  return variator_sim::describeStop(
+      scene, status(), state, drivetrain.inertia(),
+      guard < 0 ? "" : drivetrain.guards()[static_cast<std::size_t>(guard)]->function());
 }
 
 std::vector<std::string> Motion::skips() const {

@@ -5,30 +5,12 @@
 #include <string>
 #include <utility>
 
+#include "motion/culprit.h"
 #include "motion/program_motion.h"
 #include "motion/stop_message.h"
 #include "variator_sim/errors.h"
 
 namespace variator_sim {
-
-namespace {
-
-const char* explain(StopReason reason) {
-  switch (reason) {
-    case StopReason::kStepUnderflow:
-      return "the step fell below the resolution of time: the motion changes ever faster here, or "
-             "has no power series";
-    case StopReason::kChattering:
-      return "a law jumps, or bends, where the motion turns back at once, so none of its branches "
-             "goes on";
-    case StopReason::kStepLimit:
-      return "more steps than 'solver/maximum_steps' within one simulated second";
-    default:
-      return explainReason(reason);
-  }
-}
-
-}  // namespace
 
 void ProgramMotion::throwInitialError(scene_status status) {
   const bool is_inconsistent = status == SCENE_INCONSISTENT;
@@ -36,11 +18,13 @@ void ProgramMotion::throwInitialError(scene_status status) {
   if (is_inconsistent && program_->HOLDS > 0 && it_.culprit >= 0) throwInitialMode();
   const char* const key =
       scene.initial.acceleration.empty() ? "initial/velocity" : "initial/acceleration";
+  const StopReason reason = reasonOf(status);
+  const std::string why = explainReason(reason);
   throw SceneError(
       key, is_inconsistent
                ? "does not satisfy the constraints; 'initial/project: true' starts at the nearest "
                  "values that do"
-               : std::string("no motion begins here: ") + explain(reasonOf(status)) +
+               : "no motion begins here: " + (why.empty() ? toString(reason) : why) +
                      scene.extreme_numbers);
 }
 
@@ -63,20 +47,48 @@ void ProgramMotion::throwInitialMode() {
                    fault + "; allowed: auto, or a start to which it belongs");
 }
 
+std::string ProgramMotion::findCulprit(const StateView& state, MotionStatus* told) const {
+  switch (told->reason) {
+    case StopReason::kChattering: {
+      if (it_.passed < 0 || it_.passed >= program_->FIRST_EVENT) return "";
+      const auto guard = static_cast<std::size_t>(it_.passed);
+      const expression::Branch& branch = program_->branches()[guard];
+      const Element owner = findOwner(scene, branch.argument);
+      told->torque = owner.torque;
+      told->constraint = owner.constraint;
+      return branch.function;
+    }
+    case StopReason::kNonFiniteValue:
+      findNonFinite(scene, state, &told->torque, &told->constraint);
+      return "";
+    case StopReason::kStepLimit:
+      told->measure = progress_.rateAt(frontTime());
+      return "";
+    default:
+      break;
+  }
+  for (int i = 0; i < scene.shaftCount() && told->reason == StopReason::kStepUnderflow; ++i) {
+    const double of_angle = std::abs(state.velocity[i]) / std::max(1.0, std::abs(state.angle[i]));
+    const double of_velocity =
+        std::abs(state.acceleration[i]) / std::max(1.0, std::abs(state.velocity[i]));
+    told->measure = std::max({told->measure, of_angle, of_velocity});
+  }
+  return "";
+}
+
 std::string ProgramMotion::describeStop() {
   if (motion_ != nullptr) {
     integrated().forgetSample();
     return motion_->describeStop();
   }
   if (status_.ok()) return "";
-  const int S = scene.shaftCount();
   const StateView state = view();
+  Inertia inertia(scene.inertia, scene.inertia_harmonics);
+  if (!inertia.isConstant()) inertia.update(state.angle);
+  MotionStatus told = status_;
+  const std::string function = findCulprit(state, &told);
   std::ostringstream text;
-  text << toString(status_.reason) << " at t = " << formatNumber(status_.time)
-       << " s: " << explain(status_.reason)
-       << "; last good state: angle = " << formatNumbers(state.angle, S)
-       << " rad, velocity = " << formatNumbers(state.velocity, S)
-       << " rad/s, acceleration = " << formatNumbers(state.acceleration, S) << " rad/s^2";
+  text << variator_sim::describeStop(scene, told, state, inertia, function);
   const int event = it_.passed - program_->FIRST_EVENT;
   if (status_.reason == StopReason::kChattering && event >= 0 && event < program_->EVENTS) {
     text << "; the event " << inQuotes(scene.events[static_cast<std::size_t>(event)].name)
@@ -100,7 +112,6 @@ std::string ProgramMotion::describeStop() {
          << MotionPast::kMostPieces
          << " steps, which is all that is kept: a shorter delay, or larger tolerances, have fewer";
   }
-  text << scene.extreme_numbers;
   return text.str();
 }
 

@@ -156,6 +156,9 @@ class ProgramMotion final : public MotionBase {
   /// Copies what belongs to elements that hold into a state, and back.
   void saveHeld(HeldState* held) const;
   void restoreHeld(const HeldState* held);
+  /// Writes the element that is to blame for a stop at `state` into `told`; returns the function
+  /// of the branch at which it stopped, or "".
+  std::string findCulprit(const StateView& state, MotionStatus* told) const;
   [[noreturn]] void throwInitialError(scene_status status);
   [[noreturn]] void throwInitialMode();
   double sinceFront(double at) const { return (at - it_.time) - it_.time_rest; }

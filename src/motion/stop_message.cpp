@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "motion/culprit.h"
-#include "motion/motion.h"
 
 namespace variator_sim {
 namespace {
@@ -36,12 +35,13 @@ std::string smoothLawFor(const std::string& function) {
 
 class StopMessage {
  public:
-  explicit StopMessage(Motion& motion)
-      : motion_(motion),
-        scene_(motion.scene),
-        status_(motion.status()),
-        state_(motion.view()),
-        culprits_(scene_, motion.drivetrain.inertia(), state_),
+  StopMessage(const Scene& scene, const MotionStatus& status, const StateView& state,
+              const Inertia& inertia, std::string function)
+      : scene_(scene),
+        status_(status),
+        state_(state),
+        function_(std::move(function)),
+        culprits_(scene_, inertia, state_),
         culprit_{status_.torque, status_.constraint} {}
 
   std::string write();
@@ -53,16 +53,11 @@ class StopMessage {
   std::string explainStepLimit() const;
   std::string describeRunaway() const;
   std::string describeRow() const;
-  std::string functionOfGuard() const {
-    return status_.guard < 0
-               ? ""
-               : motion_.drivetrain.guards()[static_cast<std::size_t>(status_.guard)]->function();
-  }
 
-  Motion& motion_;
   const Scene& scene_;
   const MotionStatus& status_;
   const StateView state_;
+  const std::string function_;  // of the guard, as formulas write it
   const Culprits culprits_;
   Element culprit_;  // from the status, or found
 };
@@ -78,16 +73,16 @@ std::string StopMessage::explain() {
     case StopReason::kChattering:
       return "a law jumps, or bends, where the motion turns back at once, so none of its branches "
              "goes on: " +
-             smoothLawFor(functionOfGuard());
+             smoothLawFor(function_);
     default:
       return explainReason(status_.reason);
   }
 }
 
 std::string StopMessage::explainUnderflow() {
-  if (status_.guard >= 0) {
+  if (!function_.empty()) {
     return "a law changes its branch right here, and no step gets across: " +
-           smoothLawFor(functionOfGuard());
+           smoothLawFor(function_);
   }
   std::string text = status_.measure > kEverFaster
                          ? "the motion changes ever faster here"
@@ -172,9 +167,7 @@ std::string StopMessage::describeRunaway() const {
 std::string StopMessage::describeRow() const {
   double C[kMaxShafts] = {};
   double c0;
-  const StepNode& front = motion_.integrator.stepEnd();
-  const StateView there = motion_.system.view(front.time, front.x);
-  motion_.drivetrain.constraint(status_.constraint).calcRow(there, C, &c0);
+  scene_.constraints[static_cast<std::size_t>(status_.constraint)]->calcRow(state_, C, &c0);
   return ", its C = " + formatNumbers(C, scene_.shaftCount());
 }
 
@@ -185,11 +178,11 @@ std::string StopMessage::write() {
   const int S = scene_.shaftCount();
   if (culprit_.exists()) text << "; " << describe(scene_, culprit_);
   if (status_.reason == StopReason::kNonFiniteValue && culprit_.exists()) {
-    const std::string part = culprits_.findNonFinitePart(culprit_);
+    const std::string part = findNonFinitePart(scene_, culprit_, state_);
     if (!part.empty()) text << ", its " << part;
   }
   if (status_.constraint >= 0) text << describeRow();
-  if (status_.reason == StopReason::kSingularConstraint) {
+  if (status_.reason == StopReason::kSingularConstraint && status_.constraint >= 0) {
     text << " (" << status_.measure << " of its scale)";
   }
   if (status_.reason == StopReason::kStepTooLarge) {
@@ -284,8 +277,9 @@ const char* explainReason(StopReason reason) {
   }
 }
 
-std::string describeStop(Motion& motion) {
-  return motion.status().ok() ? "" : StopMessage(motion).write();
+std::string describeStop(const Scene& scene, const MotionStatus& status, const StateView& state,
+                         const Inertia& inertia, const std::string& function) {
+  return StopMessage(scene, status, state, inertia, function).write();
 }
 
 std::string describeInconsistency(System& system, const Start& start, const double* given) {

@@ -9,13 +9,14 @@
 
 namespace variator_sim {
 
-struct Motion;
-
 /// Returns the explanation of a reason that needs nothing of the motion; "" of the others.
 const char* explainReason(StopReason reason);
 
-/// Returns a sentence for the status of a motion that has stopped; "" while it runs.
-std::string describeStop(Motion& motion);
+/// Returns a sentence for the status of a motion that has stopped at `state`, where J is `inertia`.
+/// `function`: that of the branch at which it stopped, as formulas write it; "" where it is not
+/// known.
+std::string describeStop(const Scene& scene, const MotionStatus& status, const StateView& state,
+                         const Inertia& inertia, const std::string& function);
 
 /// Returns a sentence why a motion cannot continue from a state with the accelerations `given`.
 std::string describeInconsistency(System& system, const Start& start, const double* given);

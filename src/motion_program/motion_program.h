@@ -41,6 +41,8 @@ class MotionProgram : public MotionData {
   bool hasExpansion() const { return formulas_.has_expansion; }
 
   const MotionRows& rows() const { return rows_; }
+  /// Returns the switching functions, in the order of SIGNS.
+  const std::vector<expression::Branch>& branches() const { return formulas_.signs; }
   /// Returns the names of elements that hold, in the order of HOLDS: the part behind a slash.
   const std::vector<std::string>& holdNames() const { return formulas_.hold_names; }
 
