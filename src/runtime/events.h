@@ -348,11 +348,11 @@ VS_FUNCTION int vs_lost_side(const scene_series* it, const scene_series* next) {
   return -1;
 }
 
-/* The event of the guard at->lost, which the state passes up to theta. */
-VS_FUNCTION void vs_meet_lost(const scene_series* it, vs_event* at, double theta) {
+/* The event of the guard at->lost, which the state passes up to theta, where `next` is. */
+VS_FUNCTION void vs_meet_lost(const scene_series* it, const scene_series* next, vs_event* at,
+                              double theta) {
   const Real* const c = vs_guard(it, at->lost);
-  double low, high, on, slope = 0.0;
-  int n;
+  double low, high, on;
   at->theta = theta;
   at->guard = at->lost;
   at->jumps = 1;
@@ -361,8 +361,7 @@ VS_FUNCTION void vs_meet_lost(const scene_series* it, vs_event* at, double theta
   at->element = -1;
   if (at->lost < SIGNS) return;
   vs_find_points(it, at->lost - SIGNS, c[0], &low, &high, &on);
-  for (n = it->order; n > 0; --n) slope = slope * theta + n * c[n];
-  at->point = slope < 0.0 ? low : high;
+  at->point = vs_guard(next, at->lost)[0] <= low ? low : high;
   at->side = c[0] - at->point;
 }
 

@@ -3,8 +3,10 @@
 
 /* True where a lag has come so near to its target that it is the target, and stays it. */
 VS_FUNCTION int vs_has_settled(const scene_signal* s) {
+  const double early = 30.0; /* time constants: exp(-30) of the way is more than rounding */
   Real u[2];
   if (s->form != VS_EXPONENTIAL && s->form != VS_CRITICAL) return 0;
+  if (s->age * s->inverse_tau < early) return 0;
   vs_expand_input(s, 1.0, 1, u);
   return VS_IS_SAME(u[0], s->target) &&
          fabs(u[1]) <= 4.0 * DBL_EPSILON * fabs(s->target) * s->inverse_tau;
@@ -301,7 +303,7 @@ VS_FUNCTION scene_status vs_pass(scene_model* m, vs_event* at, double* theta, do
     }
     if (*is_smooth) status = vs_try(m, at, theta, defect, loses_rank);
     if (!*is_smooth || status != SCENE_OK || at->lost < 0) break;
-    vs_meet_lost(vs_series(m), at, *theta);
+    vs_meet_lost(vs_series(m), &m->series[1 - m->present], at, *theta);
     is_crossed = 1;
   }
   m->event = at->theta;
