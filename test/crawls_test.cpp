@@ -258,5 +258,17 @@ TEST(Crawls, CommandsEach10Milliseconds) {
   }
 }
 
+// Steady running at a tolerance that rounding does not leave: where it refuses nearly all steps the
+// motion goes on by other means.
+TEST(Crawls, StepsThatRoundingRefuses) {
+  const std::string root = std::string(VARIATOR_SIM_TEST_DIR) + "/../config/applications/";
+  const Scene scene =
+      test::withTolerance(test::sceneFromFile(root + "starting_system.yaml"), 1e-13);
+  Simulation simulation(scene);
+  simulation.command(scene.inputs[0].topic == "supply" ? 0 : 1, 1.0);
+  EXPECT_TRUE(simulation.advanceTo(26.0).ok()) << simulation.describeStatus();
+  EXPECT_LT(simulation.statistics().rejected_steps, 500000U);
+}
+
 }  // namespace
 }  // namespace variator_sim

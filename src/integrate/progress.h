@@ -22,6 +22,7 @@ class Progress {
   void begin(double time) {
     window_start_ = time;
     made_ = short_ones_ = 0;
+    refused_ = 0;
   }
   /// One more goes on from `time`. False when there have been too many. [loop]
   bool count(double time) {
@@ -45,15 +46,28 @@ class Progress {
     return true;
   }
 
+  /// A step was accepted after `refusals` shorter and shorter ones: true when it and many before it
+  /// took so many that rounding decides and not their lengths. [loop]
+  bool isRefused(long refusals) {
+    refused_ = std::max(0L, refused_ + refusals - kUsualRefusals);
+    if (refused_ < kMostRefusals) return false;
+    refused_ = 0;
+    return true;
+  }
+
  private:
   static constexpr double kLeast = 1e-15;  // s
   /// The shortest length that counts as progress, in resolutions of time.
   static constexpr double kTold = 1e4;
   static constexpr int kMostShort = 50;
+  /// Refusals of a step, of which an event or the end of a series takes some tens, but not always.
+  static constexpr long kUsualRefusals = 10;
+  static constexpr long kMostRefusals = 100000;
   const int most_;
   double window_start_ = 0.0;
   int made_ = 0;
   int short_ones_ = 0;
+  long refused_ = 0;
 };
 
 }  // namespace variator_sim

@@ -214,6 +214,14 @@ bool ProgramMotion::step(double end) {
   is_still_ = it_.is_still != 0;
   noteEnergy();
   if (motion_ != nullptr) motion_->drivetrain.countRightHandSide();
+  if (!progress_.isRefused(it_.rejections)) return true;
+  if (motion_ == nullptr) {
+    stop(StopReason::kToleranceTooSmall);
+    status_.time = frontTime();
+    return false;
+  }
+  handOver(patience_);
+  patience_ = std::min(2 * patience_, kMostPatience);
   return true;
 }
 

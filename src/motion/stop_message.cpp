@@ -101,7 +101,8 @@ std::string StopMessage::explainLostTolerance() {
   // one where the law is steepest.
   const Element steepest = culprits_.findSteepest();
   const double most = steepest.exists() ? culprits_.calcUnattainable(scene_, steepest) : 0.0;
-  const double factor = std::max(status_.measure / 5.0, most / 25.0);
+  // (Where refusals tell, the measure is not known: a digit less.)
+  const double factor = std::max(status_.measure > 0.0 ? status_.measure / 5.0 : 10.0, most / 25.0);
   std::ostringstream text;
   text << "the accelerations follow so steeply from the state that rounding alone moves them by "
           "more than the tolerance";
@@ -118,11 +119,14 @@ std::string StopMessage::explainLostTolerance() {
     const double absolute = toOneDigit(factor * solver.absolute_tolerance, true);
     text << " with " << assign("solver/absolute_tolerance", absolute);
   }
-  text << " or 'principle: generalized_gauss', which integrates the accelerations"
-       << (scene_.constraints.empty()
-               ? " (without a constraint both principles give the same motion)"
-               : " (another motion where C turns)")
-       << " (4 roundings of the state make " << status_.measure << " tolerances)";
+  if (scene_.principle == Principle::kGauss) {
+    text << " or 'principle: generalized_gauss', which integrates the accelerations"
+         << (scene_.constraints.empty()
+                 ? " (without a constraint both principles give the same motion)"
+                 : " (another motion where C turns)");
+  }
+  if (status_.measure > 0.0)
+    text << " (4 roundings of the state make " << status_.measure << " tolerances)";
   return text.str();
 }
 
