@@ -366,7 +366,7 @@ class Drivetrain {
   /// Returns the residual of f, psi, or C eta + c0.
   double calcResidual(int m, const StateView& state, const double* eta) const;
 
-  /// See below.
+  /// See the function of this name above.
   bool findNonFinite(const StateView& state, int* torque, int* row) const {
     return variator_sim::findNonFinite(scene_, state, torque, row);
   }

@@ -46,10 +46,13 @@ class Progress {
     return true;
   }
 
-  /// A step was accepted after `refusals` shorter and shorter ones: true when it and many before it
-  /// took so many that rounding decides and not their lengths. [loop]
-  bool isRefused(long refusals) {
+  /// A step was accepted after `refusals` shorter and shorter ones. [loop]
+  void noteRefusals(long refusals) {
     refused_ = std::max(0L, refused_ + refusals - kUsualRefusals);
+  }
+  /// True when the last steps took so many that rounding decides and not their lengths; not again
+  /// until there are as many more. [loop]
+  bool areRefused() {
     if (refused_ < kMostRefusals) return false;
     refused_ = 0;
     return true;

@@ -174,6 +174,16 @@ bool ProgramMotion::step(double end) {
     status_.time = frontTime();
     return false;
   }
+  if (progress_.areRefused()) {
+    if (motion_ != nullptr) {
+      handOver(patience_);
+      patience_ = std::min(2 * patience_, kMostPatience);
+      return stepIntegrated(end);
+    }
+    stop(StopReason::kToleranceTooSmall);
+    status_.time = frontTime();
+    return false;
+  }
   // (Implicit steps begin Newton's iteration at the last one, which a beginning forgets.)
   const bool is_due = made_since_ > 0 && made_since_ % kMostBetween == 0;
   if (is_due || (next_host_ != nullptr && !isImplicit())) beginAnew();
@@ -214,14 +224,7 @@ bool ProgramMotion::step(double end) {
   is_still_ = it_.is_still != 0;
   noteEnergy();
   if (motion_ != nullptr) motion_->drivetrain.countRightHandSide();
-  if (!progress_.isRefused(it_.rejections)) return true;
-  if (motion_ == nullptr) {
-    stop(StopReason::kToleranceTooSmall);
-    status_.time = frontTime();
-    return false;
-  }
-  handOver(patience_);
-  patience_ = std::min(2 * patience_, kMostPatience);
+  progress_.noteRefusals(it_.rejections);
   return true;
 }
 
