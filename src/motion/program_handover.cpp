@@ -94,6 +94,11 @@ void ProgramMotion::handOver(int steps) {
   steps_left_ = steps;
 }
 
+void ProgramMotion::handOverPatiently() {
+  handOver(patience_);
+  patience_ = std::min(2 * patience_, kMostPatience);
+}
+
 void ProgramMotion::noteRounding() {
   if (motion_ == nullptr) return;
   State x(motion_->system.size());
@@ -102,23 +107,19 @@ void ProgramMotion::noteRounding() {
 }
 
 bool ProgramMotion::reconsider() {
+  if (!scene.solver.sleep) return false;
   const Tolerance tolerance{scene.solver.absolute_tolerance, scene.solver.relative_tolerance};
   const bool is_driven = motion_->drivetrain.readsTime();
-  if (scene.solver.sleep) {
-    double change = 0.0;
-    for (int n = motion_->system.readsAngles() ? 0 : scene.shaftCount(); n < motion_->system.size();
-         ++n) {
-      change = std::max(change, std::abs(state_[n] - before_[n]) / tolerance.of(state_[n]));
-    }
-    settling_ = change <= (is_driven ? kNearStandstill : kNearRest) ? settling_ + 1 : 0;
-    if (settling_ >= kSettling || (change == 0.0 && !is_driven)) {
-      handOver(patience_);
-      if (change != 0.0) motion_->integrator.settle(it_.usual);
-      patience_ = std::min(2 * patience_, kMostPatience);
-      return true;
-    }
+  double change = 0.0;
+  for (int n = motion_->system.readsAngles() ? 0 : scene.shaftCount(); n < motion_->system.size();
+       ++n) {
+    change = std::max(change, std::abs(state_[n] - before_[n]) / tolerance.of(state_[n]));
   }
-  return false;
+  settling_ = change <= (is_driven ? kNearStandstill : kNearRest) ? settling_ + 1 : 0;
+  if (settling_ < kSettling && (change != 0.0 || is_driven)) return false;
+  handOverPatiently();
+  if (change != 0.0) motion_->integrator.settle(it_.usual);
+  return true;
 }
 
 void ProgramMotion::noteEnergy() {

@@ -176,8 +176,7 @@ bool ProgramMotion::step(double end) {
   }
   if (progress_.areRefused()) {
     if (motion_ != nullptr) {
-      handOver(patience_);
-      patience_ = std::min(2 * patience_, kMostPatience);
+      handOverPatiently();
       return stepIntegrated(end);
     }
     stop(StopReason::kToleranceTooSmall);
@@ -209,8 +208,7 @@ bool ProgramMotion::step(double end) {
     // (Steps that time does not resolve, none of which was refused, are those of a pole.)
     const bool has_no_series =
         status == SCENE_NOT_FINITE || (status == SCENE_TOO_MANY_STEPS && it_.rejections > 0);
-    handOver(patience_);
-    patience_ = std::min(2 * patience_, kMostPatience);
+    handOverPatiently();
     if (has_no_series) motion_->integrator.giveUpSeries();
     return stepIntegrated(end);
   }

@@ -2,8 +2,8 @@
 ///
 /// The program steps by power series. Where an integrator of the equations of shafts and
 /// constraints (Motion) is at hand, it finds the start, and takes over
-///   - where the program makes no step: it gets on by other means, or explains why nothing does;
-///   - where stability limits the steps, to try implicit ones;
+///   - where the program makes no step, or rounding refuses nearly all: it gets on by other means,
+///     or explains why nothing does;
 ///   - near rest, to let the motion sleep.
 /// The program goes on from where the integrator steps by series again. All of it depends on the
 /// motion only.
@@ -114,11 +114,11 @@ class ProgramMotion final : public MotionBase {
   /// Writes the state and the inputs at the end of the integrator's step.
   void describeIntegrated();
   void takeOver();
-  /// The integrator goes on from the end of the step. `steps`: so many at least; `trial`: see
-  /// Integrator::goOnFrom.
+  /// The integrator goes on from the end of the step, for so many steps at least.
   void handOver(int steps);
-  /// Lets the integrator take over behind a step where stability limits it, or near rest. True if
-  /// it does.
+  /// The same for as many as the patience, which this doubles.
+  void handOverPatiently();
+  /// Lets the integrator take over behind a step near rest. True if it does.
   bool reconsider();
   void noteRounding();
   void noteEnergy();

@@ -107,22 +107,26 @@ VS_FUNCTION double vs_least_distance(void) {
   return 1e-100;
 }
 
+/* True where a guard whose formulas jump at a point has died away to it for good. */
+VS_FUNCTION int vs_has_died_away(const scene_series* it, const Real* x, double point) {
+  const double fastest = 1e10; /* 1/s, that may have died away */
+  double bound = vs_least_distance();
+  int n;
+  if (!(fabs(x[0] - point) <= bound)) return 0;
+  for (n = 1; n <= it->order; ++n) {
+    bound *= fastest * it->unit;
+    if (!(fabs(x[n]) <= bound)) return 0;
+  }
+  return 1;
+}
+
 /* True where a guard stays on a point up to `reach`, but for what rounding and the tolerance make
  * of it: of speeds that a lock or a gear couples, say. Its modes are those of the point there, and
- * its series is noise, which has roots without end. Where formulas jump nothing else is taken for
- * rest than what has died away for good. */
-VS_FUNCTION int vs_rests(const scene_series* it, const Real* x, double reach, double point,
-                         int jumps) {
+ * its series is noise, which has roots without end. */
+VS_FUNCTION int vs_rests(const scene_series* it, const Real* x, double reach, double point) {
   const double noise = 1e-3 * vs_tolerance(it, point);
   double sum = fabs(x[0] - point), power = reach;
   int n;
-  if (jumps) {
-    const double fastest = 1e10; /* 1/s, that may have died away */
-    double bound = vs_least_distance();
-    for (n = 0; n <= it->order && (n > 0 ? (double)fabs(x[n]) : sum) <= bound; ++n)
-      bound *= fastest * it->unit;
-    return n > it->order;
-  }
   for (n = 1; n <= it->order && sum <= noise; ++n, power *= reach) sum += fabs(x[n]) * power;
   return sum <= noise;
 }
@@ -138,8 +142,10 @@ VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, dou
   points[2] = x[0] == 0.0 ? 0.0 : INFINITY;
   if (guard >= SIGNS) vs_find_points(it, guard - SIGNS, x[0], &points[0], &points[1], &points[2]);
   if (points[2] != x[0] && vs_clearance(x, it->order, reach, points[0], points[1]) > 0.0) return 0;
-  for (k = 0; k < 3; ++k)
-    if (isfinite(points[k]) && vs_rests(it, x, reach, points[k], jumps)) return 0;
+  for (k = 0; k < 3; ++k) {
+    if (!isfinite(points[k])) continue;
+    if (jumps ? vs_has_died_away(it, x, points[k]) : vs_rests(it, x, reach, points[k])) return 0;
+  }
   return 1;
 }
 
