@@ -155,6 +155,11 @@ const Case kTorques[] = {
        const Expression f = sample(scene, is_opaque, s[0].velocity, 1.0, s[0].angle);
        return -0.2 * min(f, 4.0) - 0.1 * where(f < 9.0, 0.0, f - 9.0);
      }},
+    {"with a jump",
+     [](LawContext& scene, const std::vector<Shaft>& s, bool is_opaque) {
+       const Expression f = sample(scene, is_opaque, s[0].velocity, 1.0, s[0].angle);
+       return -0.1 * f - where(f < 6.0, 0.0, 0.7);
+     }},
     {"into a table",
      [](LawContext& scene, const std::vector<Shaft>& s, bool is_opaque) {
        const Table table =
@@ -227,24 +232,24 @@ class Factory : public BuiltinComponentFactory {
 };
 
 Scene sceneOf(const Case& torque, const Case& constraint, bool is_opaque,
-              const std::string& rest = "") {
+              const std::string& rest = "", double tolerance = 1e-10,
+              const std::string& more_torques = "") {
   Factory factory(torque, constraint, is_opaque);
   const std::string keys = std::string(torque.name) == "with a command"
                                ? ", topic: u, hold: first_order_lag, time_constant: 0.2, initial: 1"
                                : "";
   return test::withTolerance(
       readScene(
-          readYamlText("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [it, push]\n"
-                       "it: {type: test/It" +
-                           keys +
+          readYamlText("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [it, push" +
+                           more_torques + "]\nit: {type: test/It" + keys +
                            "}\npush: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
                            "\"3*sin(2*t)\"}\nconstraints: [c]\nc: {type: test/It}\n"
-                           "initial: {velocity: [3, 1.8], acceleration: [0.4, 0.2], project: true}"
-                           "\n" +
-                           rest,
+                           "initial: {velocity: [3, 1.8], " +
+                           (more_torques.empty() ? "acceleration: [0.4, 0.2], " : "") +
+                           "project: true}\n" + rest,
                        "test"),
           factory),
-      1e-10);
+      tolerance);
 }
 
 /// The sample after 2 s, with a step of the command at 0.5 s.
@@ -276,6 +281,65 @@ TEST(OpaqueFunction, MovesAsItsFormula) {
             kTorques[0], constraint,
             std::string("principle: ") + principle + "\nsolver: {stepper: " + stepper + "}\n");
       }
+    }
+  }
+}
+
+/// Steps through 10 s with a step of the command at 2.5 s, against the formula's motion.
+void expectSameSteps(const Case& torque, const Case& constraint, const std::string& principle,
+                     double tolerance, const std::string& more_torques = "",
+                     const std::string& rest = "") {
+  SCOPED_TRACE(std::string(torque.name) + ", " + constraint.name + ", " + principle + rest);
+  const std::string keys = "principle: " + principle + "\n" + rest;
+  Simulation formula(sceneOf(torque, constraint, false, keys, 1e-12, more_torques));
+  Simulation opaque(sceneOf(torque, constraint, true, keys, tolerance, more_torques));
+  EXPECT_STREQ(opaque.stepperName(), "radau");
+  for (int n = 1; n <= 20; ++n) {
+    for (Simulation* it : {&formula, &opaque}) {
+      ASSERT_TRUE(it->advanceTo(0.5 * n).ok()) << it->describeStatus();
+      if (n == 5 && it->scene().inputCount() > 0) it->command(0, 2.0);
+    }
+    for (int i = 0; i < 2; ++i) {
+      const auto expectNear = [&](const double* a, const double* b, double factor) {
+        EXPECT_NEAR(a[i], b[i], factor * tolerance * (1.0 + std::abs(b[i]))) << n << ", " << i;
+      };
+      expectNear(opaque.sample().velocity, formula.sample().velocity, 10.0);
+      expectNear(opaque.sample().acceleration, formula.sample().acceleration, 50.0);
+      expectNear(opaque.sample().reaction_torque, formula.sample().reaction_torque, 100.0);
+    }
+  }
+  EXPECT_STREQ(opaque.stepperName(), "radau");
+  EXPECT_LT(opaque.statistics().steps, 2000U);
+}
+
+// Implicit steps from the beginning on, which need values and gradients alone.
+TEST(OpaqueFunction, IsSteppedAsItsFormula) {
+  for (const double tolerance : {1e-6, 1e-9}) {
+    for (const char* principle : {"gauss", "generalized_gauss"}) {
+      for (const Case& torque : kTorques) {
+        expectSameSteps(torque, kConstraints[0], principle, tolerance);
+      }
+      expectSameSteps(kTorques[0], kConstraints[1], principle, tolerance);
+    }
+    expectSameSteps(kTorques[0], kConstraints[2], "generalized_gauss", tolerance);
+  }
+}
+
+TEST(OpaqueFunction, IsSteppedBesideElementsWithMemory) {
+  const char* const all[][2] = {
+      {", brake", "brake: {type: variator_sim/Brake, shaft: b, capacity: 4}\n"},
+      {", q",
+       "states: [z]\nz: {rate: \"(w_b - z)/0.3\", initial: 0}\nq: {type: "
+       "variator_sim/ExpressionTorque, shaft: b, torque: \"-z\"}\n"},
+      {", q",
+       "q: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"-0.5*delay(w_b, "
+       "0.5)\"}\n"},
+      {", q",
+       "variables: [k]\nk: {initial: 1}\nevents: [ev]\nev: {when: \"w_a - 2\", set: {k: "
+       "\"-k\"}}\nq: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"k\"}\n"}};
+  for (const auto& [torques, keys] : all) {
+    for (const char* principle : {"gauss", "generalized_gauss"}) {
+      expectSameSteps(kTorques[0], kConstraints[0], principle, 1e-6, torques, keys);
     }
   }
 }

@@ -179,7 +179,7 @@ class Emission {
         name_(std::move(name)),
         title_(harmless(title)),
         program_(scene_) {
-    program_.requireSteps();
+    program_.requireText();
   }
 
   EmittedScene write() {

@@ -84,7 +84,7 @@ std::vector<Node> nodesOf(const std::vector<Shown>& shown) {
 
 std::unique_ptr<MotionProgram> makeProgram(const Scene& scene) {
   auto made = std::make_unique<MotionProgram>(scene, nodesOf(listShown(scene)));
-  made->requireSteps();
+  made->requireText();
   return made;
 }
 

@@ -12,28 +12,27 @@ namespace variator_sim::expression {
 
 namespace {
 
-constexpr Function kFunctions[] = {
-    {"abs", 1, Operation::kAbs, "", "fabs"},
-    {"acos", 1, Operation::kAcos, "\\arccos", "acos"},
-    {"asin", 1, Operation::kAsin, "\\arcsin", "asin"},
-    {"atan", 1, Operation::kAtan, "\\arctan", "atan"},
-    {"atan2", 2, Operation::kAtan2, "\\operatorname{atan2}", "atan2"},
-    {"clamp", 3, Operation::kConstant, "", ""},
-    {"cos", 1, Operation::kCos, "\\cos", "cos"},
-    {"cosh", 1, Operation::kCosh, "\\cosh", "cosh"},
-    {"exp", 1, Operation::kExp, "\\exp", "exp"},
-    {"if", 3, Operation::kSelect, "", "select_of"},
-    {"log", 1, Operation::kLog, "\\ln", "log"},
-    {"max", 2, Operation::kMax, "\\max", "maximum_of"},
-    {"min", 2, Operation::kMin, "\\min", "minimum_of"},
-    {"pow", 2, Operation::kPower, "", "pow"},
-    {"sign", 1, Operation::kSign, "\\operatorname{sgn}", "sign_of"},
-    {"sin", 1, Operation::kSin, "\\sin", "sin"},
-    {"sinh", 1, Operation::kSinh, "\\sinh", "sinh"},
-    {"sqrt", 1, Operation::kSqrt, "", "sqrt"},
-    {"tan", 1, Operation::kTan, "\\tan", "tan"},
-    {"tanh", 1, Operation::kTanh, "\\tanh", "tanh"},
-    {"", 2, Operation::kWhereFinite, "", "where_finite"}};
+constexpr Function kFunctions[] = {{"abs", 1, Operation::kAbs, ""},
+                                   {"acos", 1, Operation::kAcos, "\\arccos"},
+                                   {"asin", 1, Operation::kAsin, "\\arcsin"},
+                                   {"atan", 1, Operation::kAtan, "\\arctan"},
+                                   {"atan2", 2, Operation::kAtan2, "\\operatorname{atan2}"},
+                                   {"clamp", 3, Operation::kConstant, ""},
+                                   {"cos", 1, Operation::kCos, "\\cos"},
+                                   {"cosh", 1, Operation::kCosh, "\\cosh"},
+                                   {"exp", 1, Operation::kExp, "\\exp"},
+                                   {"if", 3, Operation::kSelect, ""},
+                                   {"log", 1, Operation::kLog, "\\ln"},
+                                   {"max", 2, Operation::kMax, "\\max"},
+                                   {"min", 2, Operation::kMin, "\\min"},
+                                   {"pow", 2, Operation::kPower, ""},
+                                   {"sign", 1, Operation::kSign, "\\operatorname{sgn}"},
+                                   {"sin", 1, Operation::kSin, "\\sin"},
+                                   {"sinh", 1, Operation::kSinh, "\\sinh"},
+                                   {"sqrt", 1, Operation::kSqrt, ""},
+                                   {"tan", 1, Operation::kTan, "\\tan"},
+                                   {"tanh", 1, Operation::kTanh, "\\tanh"},
+                                   {"", 2, Operation::kWhereFinite, ""}};
 
 template <class Is>
 const Function* find(Is is) {

@@ -12,7 +12,6 @@ struct Function {
   int argument_count;
   Operation operation;  ///< kConstant for `clamp`, which is made of two
   const char* latex;
-  const char* c;  ///< its name in c_code.h
 };
 
 /// Returns the function of that name, or nullptr. parser.h has the list of names.

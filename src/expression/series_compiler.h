@@ -81,6 +81,7 @@ class SeriesCompiler {
   Form function(const Graph::Entry& entry);
   int branch(const Graph::Entry& entry, int a);
   int table(const Graph::Entry& entry, int a);
+  int opaque(const Graph::Entry& entry, int a);
 
   /// Marks the instructions that the rows in `open` follow from; -1 for no row.
   std::vector<bool> findNeeded(std::vector<int> open) const;

@@ -3,6 +3,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "expression/opaque_slope.h"
 #include "expression/series_compiler.h"
 
 namespace variator_sim::expression {
@@ -137,6 +138,8 @@ SeriesCompiler::Form SeriesCompiler::function(const Graph::Entry& entry) {
     case Operation::kTable:
     case Operation::kTable2:
       return single(table(entry, a));
+    case Operation::kOpaque:
+      return single(opaque(entry, a));
     default:
       return single(branch(entry, a));
   }
@@ -205,4 +208,22 @@ int SeriesCompiler::table(const Graph::Entry& entry, int a) {
              is_accelerated);
   return place(it, {it.result});
 }
+
+int SeriesCompiler::opaque(const Graph::Entry& entry, int a) {
+  SeriesProgram::Piece piece;
+  piece.function = graph_.opaqueOf(entry);
+  if (entry.order[0] > 0) {
+    piece.function = std::make_shared<const OpaqueSlope>(piece.function, entry.order[0]);
+  }
+  Instruction it;
+  it.code = Code::kOpaque;
+  it.operands[0] = a;
+  for (int k = 1; k < piece.function->argumentCount(); ++k) {
+    it.operands[k] = rowOf(entry.operands[k]);
+  }
+  it.state = static_cast<int>(made_.pieces_.size());
+  made_.pieces_.push_back(piece);
+  return append(it, {}, SeriesProgram::kNoDegree);
+}
+
 }  // namespace variator_sim::expression

@@ -87,7 +87,8 @@ class SeriesProgram {
     VARIATOR_SIM_SERIES_FUNCTIONS(VARIATOR_SIM_CODE)
 #undef VARIATOR_SIM_CODE
         kTable,
-    kTable2
+    kTable2,
+    kOpaque
   };
   struct Instruction {
     Code code = Code::kLinear;
@@ -104,8 +105,9 @@ class SeriesProgram {
     int row;
     double factor;
   };
-  /// A table, and the derivative of it that is looked up.
+  /// A table, and the derivative of it that is looked up; or an opaque function.
   struct Piece {
+    std::shared_ptr<const OpaqueFunction> function;
     std::shared_ptr<const Table> table;
     std::shared_ptr<const Table2> table2;
     int order[2] = {};

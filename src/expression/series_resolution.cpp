@@ -19,7 +19,7 @@ SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
                             VARIATOR_SIM_SERIES_FUNCTIONS(VARIATOR_SIM_KIND)
 #undef VARIATOR_SIM_KIND
                                 kSeriesTable,
-                            kSeriesTable};
+                            kSeriesTable, kSeriesOpaque};
   SeriesOperation made = {kSeriesSum, it.result, -1, it.operands[0], -1, 0, it.state,
                           kNoDegree,  0.0,       0.0};
   made.kind = kKinds[static_cast<int>(it.code)];
@@ -79,9 +79,17 @@ void SeriesProgram::listResolved() {
       resolved_.push_back(made);
     }
     if (it->code == Code::kLinear || made.a < 0) continue;
-    need(made.a);
-    need(made.b);
-    resolved_.push_back(made);
+    for (int n = it->code == Code::kOpaque ? 2 : 0; n >= 0; n -= 2) {
+      if (n > 0 && it->operands[n] < 0) continue;
+      if (it->code == Code::kOpaque) {
+        made.a = it->operands[n];
+        made.b = it->operands[n + 1];
+        made.state = n;
+      }
+      need(made.a);
+      need(made.b);
+      resolved_.push_back(made);
+    }
   }
   std::reverse(resolved_.begin(), resolved_.end());
   // Along parabolas of the variables, time being the first of them: sums and products of these.
@@ -94,7 +102,7 @@ void SeriesProgram::listResolved() {
     const int b = it.b < 0 ? 0 : power[static_cast<std::size_t>(it.b)];
     const int before = it.kind == kSeriesMore ? power[static_cast<std::size_t>(it.result)] : 0;
     if (it.kind == kSeriesProduct) it.power = std::min(a + b, kNoDegree);
-    if (it.kind < kSeriesFinite) it.power = std::max({a, b, before});
+    if (it.kind < kSeriesOpaque) it.power = std::max({a, b, before});
     power[static_cast<std::size_t>(it.result)] = it.power;
   }
   // Arguments whose ends are far apart tell nothing of the way between them if they turn on it, as

@@ -1,11 +1,23 @@
 // The structure of a SeriesProgram's C: equal structures have the same text.
+#include <cmath>
 #include <iterator>
 #include <vector>
 
-#include "expression/c_code.h"
+#include "expression/code_structure.h"
 #include "expression/series_program.h"
 
 namespace variator_sim::expression {
+
+bool isWrittenOut(double value) {
+  return (value == 0.0 && !std::signbit(value)) || value == 1.0 || value == -1.0;
+}
+
+bool CodeStructure::note(double value) {
+  const bool is_written_out = isWrittenOut(value);
+  words.push_back(is_written_out ? static_cast<int>(value) : 2);
+  if (!is_written_out) constants.push_back(value);
+  return is_written_out;
+}
 
 void SeriesProgram::addStructure(CodeStructure* structure) const {
   std::vector<int>& words = structure->words;

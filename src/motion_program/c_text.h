@@ -16,7 +16,7 @@ extern const char* const kTableFunctions;
 extern const char* const kMotion;
 /// The functions of calls.h.
 extern const char* const kInterface;
-/// table_data.h; exchange_data.h; exchange.h; commands.h; host.h; host_series.h, host_kernel.h
+/// table_data.h; exchange_data.h; exchange.h; commands.h; host.h; host_kernel.h
 extern const char* const kTableData;
 extern const char* const kExchangeData;
 extern const char* const kExchange;

@@ -19,11 +19,13 @@ struct MotionList {
 // The names are those of the texts: numbers of things and flags,
 #define VARIATOR_SIM_MOTION_SIZES(F)                                                          \
   F(S) F(K) F(CONSTRAINTS) F(HOLDS) F(TRANSMITS) F(WATCHED) F(INPUTS) F(SIZE) F(IS_CLASSICAL) \
+  F(IS_FORMAL) F(IS_GAUSS) F(HAS_CONNECTION) F(TOLD_MULTIPLIER)                          \
   F(IS_CURVED) F(IS_COUPLED) F(INERTIA_VARIES) F(IS_GENERAL) F(ENTRIES_TURN)                   \
   F(HAS_ORDER_1) F(HAS_RESIDUAL) F(HAS_GIVEN_ACCELERATIONS)                                   \
   F(MAY_PROJECT) F(HAS_NEUTRAL) F(JUMPS_STRAIGHT) F(COMPONENTS) F(FIRST_JUDGED) F(SIGNS)      \
   F(TABLES) F(CONSTANTS) F(INPUT_ROW_COUNT) F(RESOLVED) F(STATES) F(STATE) F(VARIABLES)       \
-  F(EVENTS) F(FIRST_EVENT) F(DELAYS) F(READS_ACCELERATIONS) F(CHOOSES_METHOD) F(SHOWN)                                                                   \
+  F(EVENTS) F(FIRST_EVENT) F(DELAYS) F(READS_ACCELERATIONS) F(CHOOSES_METHOD) F(RESTS)       \
+  F(HAS_SERIES) F(SHOWN)                                                                      \
   F(TIME) F(ANGLE) F(VELOCITY) F(ACCELERATION) F(MULTIPLIER) F(PULL) F(TRANSMITTED)
 // the sizes of a series,
 #define VARIATOR_SIM_MOTION_EXTENTS(F) \

@@ -67,7 +67,9 @@ void MotionProgram::listShown() {
 
 /// Lists the outputs, those that are needed as series first, and makes their rows.
 SeriesProgram MotionProgram::compile(const Scene& scene) {
-  IS_CLASSICAL = scene.principle == Principle::kGauss ? 1 : 0;
+  IS_FORMAL = isFormal(scene) ? 1 : 0;
+  IS_GAUSS = scene.principle == Principle::kGauss ? 1 : 0;
+  IS_CLASSICAL = IS_GAUSS != 0 && IS_FORMAL == 0 ? 1 : 0;
   SCENE_ORDER = orderFor(scene.solver);
   const auto add = [this](const std::vector<Node>& nodes) {
     outputs_.insert(outputs_.end(), nodes.begin(), nodes.end());
@@ -200,6 +202,7 @@ void MotionProgram::setSizes(const Scene& scene) {
   IS_GENERAL = formulas_.pair.empty() ? 0 : 1;
   IS_COUPLED = isDiagonal(scene.inertia) && IS_GENERAL == 0 ? 0 : 1;
   INERTIA_VARIES = formulas_.inertia_varies ? 1 : 0;
+  HAS_CONNECTION = INERTIA_VARIES != 0 && IS_GAUSS == 0 ? 1 : 0;
   ENTRIES_TURN = anyEntry([this](int row) { return program_.isAccelerated(row); });
   HAS_ORDER_1 = HOLDS > 0 || hasOrder(scene, 1, 1) ? 1 : 0;
   HAS_RESIDUAL = HOLDS > 0 || hasOrder(scene, 1, 2) ? 1 : 0;
@@ -220,6 +223,7 @@ void MotionProgram::setSizes(const Scene& scene) {
   MULTIPLIER = 1 + 3 * S;
   PULL = 1 + 3 * S + K;
   TRANSMITTED = IS_CLASSICAL != 0 || TRANSMITS == 0 ? MULTIPLIER : PULL + S;
+  TOLD_MULTIPLIER = IS_FORMAL != 0 ? TRANSMITTED : MULTIPLIER;
   SCENE_ROWS = rows_.rows();
   SCENE_STRIDE = (std::max(SCENE_ORDER, SeriesProgram::kAlong) + 4) / 4 * 4 + 4;
   SCENE_MODES = std::max(1, rows_.modes());
@@ -240,11 +244,18 @@ void MotionProgram::setStages(const Scene& scene) {
   const auto isRead = [this](int row) { return program_.isAccelerated(row); };
   const MotionList<int> torques = rowsOf(formulas_.torque);
   const MotionList<int> rates = rowsOf(formulas_.rate);
-  READS_ACCELERATIONS = std::any_of(torques.values.begin(), torques.values.end(), isRead) ||
+  READS_ACCELERATIONS = (IS_GAUSS != 0 && IS_CURVED != 0) ||
+                                std::any_of(torques.values.begin(), torques.values.end(), isRead) ||
                                 std::any_of(rates.values.begin(), rates.values.end(), isRead)
                             ? 1
                             : 0;
+  const bool reads_time = std::any_of(outputs_.begin(), outputs_.end(), [&](Node node) {
+    return scene.graph->dependsOn(node, slotOf(Source::kTime));
+  });
+  RESTS = scene.solver.sleep && !reads_time ? 1 : 0;
   CHOOSES_METHOD = scene.solver.stepper == StepperKind::kAuto ? 1 : 0;
+  HAS_SERIES = formulas_.no_text ? 0 : 1;
+  requireStepper(scene.solver.stepper);
   const int unknowns = SIZE + STATES;
   const int directions = 3 * S + STATES;
   SCENE_WORK = 3 * kStages * unknowns + 2 * (kStages + 1) * S + kStages * INPUT_ROW_COUNT +
@@ -252,6 +263,17 @@ void MotionProgram::setStages(const Scene& scene) {
                (1 + 2 * kPairs) * unknowns * unknowns;
   SCENE_PIVOTS = (1 + kPairs) * unknowns;
   if (CHOOSES_METHOD == 0) SCENE_WORK = SCENE_PIVOTS = 1;
+}
+
+void MotionProgram::requireStepper(StepperKind stepper) const {
+  if (HAS_SERIES != 0 || (stepper != StepperKind::kTaylor && stepper != StepperKind::kTaylorFixed))
+    return;
+  throw SceneError("solver/stepper", inQuotes(toString(stepper)) +
+                                         " needs a motion that has power series, and this one has "
+                                         "none: " +
+                                         inQuotes(formulas_.no_text->keyPath()) +
+                                         " calls a function of its plugin; allowed here: auto and "
+                                         "all the others");
 }
 
 /// Finds the shafts whose reaction no C contains; these are all shafts if C and J, and so the null
@@ -266,6 +288,7 @@ std::vector<int> MotionProgram::findNeutral(const Scene& scene) const {
   }
   if (is_constant) neutral.assign(shafts, 1);
   if (IS_CLASSICAL != 0 || (INERTIA_VARIES != 0 && IS_COUPLED != 0)) neutral.assign(shafts, 0);
+  if (IS_FORMAL != 0) neutral.assign(shafts, 1);  // R - D' lambda = 0
   return neutral;
 }
 
@@ -353,7 +376,8 @@ void MotionProgram::setHolds(const expression::Graph& graph) {
   for (int n = 0; n < K && TRANSMITS != 0; ++n) watched_row.values.push_back(TRANSMITTED + n);
   for (int m = 0; m < K; ++m) {
     const auto C = formulas_.entry.begin() + m * S;
-    const bool differs = !std::equal(C, C + S, formulas_.direction.begin() + m * S);
+    const bool differs =
+        IS_FORMAL != 0 || !std::equal(C, C + S, formulas_.direction.begin() + m * S);
     has_direction.values.push_back(differs ? 1 : 0);
     for (int i = 0; i < S && differs; ++i)
       watch(formulas_.direction[static_cast<std::size_t>(m) * static_cast<std::size_t>(S) +

@@ -32,14 +32,14 @@ class MotionProgram : public MotionData {
   /// reason, for what has no series.
   explicit MotionProgram(const Scene& scene, std::vector<expression::Node> shown = {});
 
-  /// Throws SceneError where the texts expand the motion and check steps, and cannot step it.
-  void requireSteps() const {
-    if (formulas_.no_steps) throw SceneError(*formulas_.no_steps);
-  }
+  /// False where corners of psi in the accelerations lead the motion.
   bool makesSteps() const { return !formulas_.no_steps; }
-  /// True where the unknowns of an order follow from those of the lower ones.
-  bool hasExpansion() const { return formulas_.has_expansion; }
-
+  /// Throws SceneError there, and where the formulas cannot be written as text or carry
+  /// derivatives.
+  void requireText() const {
+    if (formulas_.no_steps) throw SceneError(*formulas_.no_steps);
+    if (formulas_.no_text) throw SceneError(*formulas_.no_text);
+  }
   const MotionRows& rows() const { return rows_; }
   /// Returns the switching functions, in the order of SIGNS.
   const std::vector<expression::Branch>& branches() const { return formulas_.signs; }
@@ -69,6 +69,8 @@ class MotionProgram : public MotionData {
   std::vector<int> listSlots(const Scene& scene);
   void setSizes(const Scene& scene);
   void setStages(const Scene& scene);
+  /// Throws SceneError where the stepper makes series of formulas that have none.
+  void requireStepper(StepperKind stepper) const;
   void listShown();
   void setLists(const Scene& scene);
   void listEntries(const expression::Graph& graph);

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "expression/c_code.h"
+#include "expression/code_structure.h"
 #include "expression/series_dot.h"
 #include "expression/series_text.h"
 #include "machine_code/kernel_library.h"
@@ -191,8 +191,11 @@ std::string MotionProgram::writeOrders(bool in_units) const {
 
 std::string MotionProgram::writeKernel() const {
   return std::string(expression::arithmeticOfCode()) +
-         "#include <float.h>\n#include <math.h>\n#include <string.h>\n" + writeExtents() +
-         kSceneHeader + kTableData + kExchangeData +
+         "#include <float.h>\n#include <math.h>\n#include <string.h>\n" +
+         // (The library's own functions, by -fno-builtin; these are exact everywhere.)
+         "#ifdef __GNUC__\n#define fabs __builtin_fabs\n#define sqrt __builtin_sqrt\n"
+         "#define memcpy __builtin_memcpy\n#define memset __builtin_memset\n#endif\n" +
+         writeExtents() + kSceneHeader + kTableData + kExchangeData +
          writeMotion(expression::kOperationsText, true) + kExchange + kCommands + kHost +
          KernelLibrary::kLastUnit + kHostKernel + KernelLibrary::kEndOfUnit;
 }

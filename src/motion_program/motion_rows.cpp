@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "expression/c_code.h"
+#include "expression/code_structure.h"
 #include "motion_program/c_text.h"
 
 namespace variator_sim {
@@ -107,6 +107,12 @@ MotionRows::Statement MotionRows::make(const Instruction& it) {
     pieces_ += has_two ? (Table::kDegree + 1) * (Table::kDegree + 1) : Table::kDegree + 1;
     return made;
   }
+  if (it.code == Code::kOpaque) {
+    made.function = program_.pieces_[index(it.state)].function.get();
+    made.piece = piece_of_row_[it.result] = pieces_;
+    pieces_ += 1 + OpaqueFunction::kMostArguments;
+    return made;
+  }
   made.limit = limitOf(it);
   if (it.code == Code::kAbs || (it.code >= Code::kMin && it.code <= Code::kSelect)) {
     const auto [place, is_new] = mode_of_state_.try_emplace(it.state, modes_);
@@ -166,6 +172,8 @@ std::vector<expression::SeriesOperation> MotionRows::resolved() const {
     if (it.kind == expression::kSeriesTable) {
       it.state = piece_of_row_.at(it.result);
       if (it.b < 0) it.f = 1.0;  // the piece's six coefficients lie next to each other here
+    } else if (it.kind == expression::kSeriesOpaque) {
+      it.state += piece_of_row_.at(it.result) + 1;
     } else if (it.kind == expression::kSeriesEither || it.kind == expression::kSeriesOther) {
       it.state = mode_of_state_.at(it.state);
     }

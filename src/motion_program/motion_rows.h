@@ -32,7 +32,8 @@ class MotionRows : private expression::SeriesStatements {
     int mode = -1;   ///< the first of its modes
     int rows = -1;   ///< of a table: the first of its further rows
     int table = -1;  ///< index in tables()
-    int piece = -1;  ///< of a table: the first of its places
+    int piece = -1;  ///< of a table or an opaque function: the first of its places
+    const OpaqueFunction* function = nullptr;
   };
   /// One variable or two; pieces as those of vs_table and vs_table_of_two.
   struct DenseTable {
@@ -92,7 +93,7 @@ class MotionRows : private expression::SeriesStatements {
 
   std::set<int> grows_;               ///< rows that may overflow by an exp
   std::map<int, int> mode_of_state_;  ///< of branches
-  std::map<int, int> piece_of_row_;   ///< of tables
+  std::map<int, int> piece_of_row_;   ///< of tables and opaque functions
   std::array<std::vector<Statement>, 4> statements_;
   std::vector<DenseTable> tables_;
   std::set<int> in_series_;  ///< results

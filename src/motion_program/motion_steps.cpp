@@ -27,6 +27,28 @@ static void listTables(const MotionRows& rows, std::vector<vs_table>* one,
   }
 }
 
+/// y = f(x_1, ..): its value, and with the gradient g there the coefficients y_n = sum_i g_i x_in,
+/// of which the first is exact. piece: whether g is known, and g.
+static void callOpaque(const OpaqueFunction& f, double* y,
+                       const double* const (&x)[OpaqueFunction::kMostArguments], double* piece,
+                       int n) {
+  double* const gradient = piece + 1;
+  const int count = f.argumentCount();
+  if (n == 0 || piece[0] == 0.0) {
+    double at[OpaqueFunction::kMostArguments] = {};
+    for (int i = 0; i < count; ++i) at[i] = x[i][0];
+    piece[0] = n == 0 ? 0.0 : 1.0;
+    if (n == 0) {
+      y[0] = f.value(at);
+      return;
+    }
+    std::fill_n(gradient, OpaqueFunction::kMostArguments, 0.0);
+    f.calcGradient(at, gradient);
+  }
+  y[n] = 0.0;
+  for (int i = 0; i < count; ++i) y[n] += gradient[i] * x[i][n];
+}
+
 #undef VS_FUNCTION
 #undef VS_FUNCTION_INLINE
 #undef VS_FUNCTION_RARE
@@ -132,7 +154,7 @@ class CompiledHost final : public HostedMotion {
     return asStatus(see_(code_.model(), at, to));
   }
   double calcWork(double at, double* through) override { return work_(code_.model(), at, through); }
-  void look(double* entry) override { look_(code_.model(), entry); }
+  void look(double at, double* entry) override { look_(code_.model(), at, entry); }
 
  private:
   CompiledMotion code_;
@@ -145,31 +167,7 @@ class CompiledHost final : public HostedMotion {
   int (*change_)(void*, vs_exchange*) = code_.find<int, void*, vs_exchange*>("host_change");
   int (*see_)(void*, double, vs_seen*) = code_.find<int, void*, double, vs_seen*>("host_see");
   double (*work_)(void*, double, double*) = code_.find<double, void*, double, double*>("host_work");
-  void (*look_)(void*, double*) = code_.find<void, void*, double*>("host_look");
-};
-
-/// Series and values by a kernel; what is rarely asked for is interpreted.
-class CompiledSeries final : public HostedSeries {
- public:
-  CompiledSeries(std::shared_ptr<KernelLibrary> library, const MotionProgram& program)
-      : code_(std::move(library), program), interpreted_(hostSeries(program)) {}
-  bool expand(const vs_exchange& from, double limit, vs_shown* to) override {
-    return expand_(code_.model(), &from, limit, to) != 0;
-  }
-  void evaluate(const vs_exchange& at, double* rows) override {
-    evaluate_(code_.model(), &at, rows);
-  }
-  bool isResolvedAlong(const vs_exchange& from, const vs_path& path) override {
-    return interpreted_->isResolvedAlong(from, path);
-  }
-
- private:
-  CompiledMotion code_;
-  const std::unique_ptr<HostedSeries> interpreted_;
-  int (*expand_)(void*, const vs_exchange*, double, vs_shown*) =
-      code_.find<int, void*, const vs_exchange*, double, vs_shown*>("host_expand");
-  void (*evaluate_)(void*, const vs_exchange*, double*) =
-      code_.find<void, void*, const vs_exchange*, double*>("host_evaluate");
+  void (*look_)(void*, double, double*) = code_.find<void, void*, double, double*>("host_look");
 };
 
 bool hasFunctions(const KernelLibrary& library, std::initializer_list<const char*> names) {
@@ -186,12 +184,6 @@ std::unique_ptr<HostedMotion> hostMotion(std::shared_ptr<KernelLibrary> library,
       hasFunctions(*library, {"size", "begin", "host_begin", "host_leave", "host_step", "host_cut",
                               "host_change", "host_see", "host_work", "host_look"});
   return has_all ? std::make_unique<CompiledHost>(std::move(library), program) : nullptr;
-}
-
-std::unique_ptr<HostedSeries> hostSeries(std::shared_ptr<KernelLibrary> library,
-                                         const MotionProgram& program) {
-  const bool has_all = hasFunctions(*library, {"size", "begin", "host_expand", "host_evaluate"});
-  return has_all ? std::make_unique<CompiledSeries>(std::move(library), program) : nullptr;
 }
 
 }  // namespace variator_sim

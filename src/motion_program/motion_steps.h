@@ -28,7 +28,7 @@ class HostedMotion {
   virtual scene_status change(vs_exchange* from) = 0;
   virtual scene_status see(double at, vs_seen* to) = 0;
   virtual double calcWork(double at, double* through) = 0;
-  virtual void look(double* entry) = 0;
+  virtual void look(double at, double* entry) = 0;
 };
 
 /// The path of a step that another scheme has made, as parabolas of s = (t - t_0) / length.
@@ -58,8 +58,6 @@ std::unique_ptr<HostedSeries> hostSeries(const MotionProgram& program);
 /// The library is that of MotionProgram::writeKernel; `program` has to outlive what is returned;
 /// null if it lacks a function.
 std::unique_ptr<HostedMotion> hostMotion(std::shared_ptr<KernelLibrary> library,
-                                         const MotionProgram& program);
-std::unique_ptr<HostedSeries> hostSeries(std::shared_ptr<KernelLibrary> library,
                                          const MotionProgram& program);
 
 }  // namespace variator_sim

@@ -1,5 +1,7 @@
 #include "motion_program/scene_formulas.h"
 
+#include <algorithm>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -17,17 +19,12 @@ using expression::Source;
 
 namespace {
 
-template <class Law>
-void refuseOpaque(const Law& law) {
-  if (!law.callsOpaqueFunction()) return;
-  throw SceneError(
-      law.name(),
-      "it calls a function of its plugin, which cannot be seen into; allowed: formulas "
-      "without an OpaqueFunction");
-}
-
-void refuse(SceneFormulas& made, const std::string& name, const std::string& reason) {
-  if (!made.no_steps) made.no_steps = SceneError(name, reason);
+void noteOpaque(const std::string& name, bool is_opaque, SceneFormulas& made) {
+  if (made.no_text || !is_opaque) return;
+  made.no_text =
+      SceneError(name,
+                 "it calls a function of its plugin, which cannot be seen into; allowed: formulas "
+                 "without an OpaqueFunction");
 }
 
 void addGeneralInertia(const Scene& scene, SceneFormulas& made) {
@@ -65,41 +62,33 @@ void addConstraint(const Scene& scene, const ConstraintPtr& constraint, SceneFor
   Graph& graph = *scene.graph;
   const int s = scene.shaftCount();
   const Node zero = graph.constant(0.0);
-  const std::string& name = constraint->name();
-  refuseOpaque(*constraint);
-  if (constraint->order() == 3 && scene.principle == Principle::kGauss) {
-    made.has_expansion = false;
-    refuse(made, name,
-           "it is of order 3, which under 'principle: gauss' has no series; allowed: orders "
-           "1 and 2, or 'principle: generalized_gauss'");
+  noteOpaque(constraint->name(), constraint->callsOpaqueFunction(), made);
+  if (!constraint->kinks().empty() && !made.no_steps) {
+    made.no_steps =
+        SceneError(constraint->name(),
+                   "abs, min or max of accelerations bends it, and where its corners lead is not "
+                   "known to a program of its own; allowed: a formula that is smooth in the "
+                   "accelerations, sqrt(x^2+1e-6) for abs(x)");
   }
-  if (!constraint->kinks().empty()) {
-    refuse(made, name,
-           "abs, min or max of accelerations bends it, and where its corners lead is not "
-           "known to a program of its own; allowed: a formula that is smooth in the "
-           "accelerations, sqrt(x^2+1e-6) for abs(x)");
-  }
+  const Node function = constraint->function();
   made.residual.push_back(residualOf(*constraint));
-  made.velocity_residual.push_back(constraint->order() == 1 ? constraint->function() : zero);
+  made.velocity_residual.push_back(constraint->order() == 1 ? function : zero);
   made.entry.insert(made.entry.end(), constraint->row().begin(), constraint->row().end() - 1);
   const std::vector<Node>& D = constraint->direction();
   made.has_directions = made.has_directions || !D.empty();
   made.direction.insert(made.direction.end(), D.empty() ? made.entry.end() - s : D.begin(),
                         D.empty() ? made.entry.end() : D.end());
+  const bool is_curved = constraint->order() == 2 || (constraint->order() == 3 && isFormal(scene));
   for (int i = 0; i < s; ++i) {
+    const Node entry = made.entry[made.entry.size() - static_cast<std::size_t>(s - i)];
     for (int j = 0; j < s; ++j) {
-      const bool is_curved = constraint->order() == 2;
       made.curvature.push_back(
-          is_curved ? graph.differentiate(constraint->row()[static_cast<std::size_t>(i)],
-                                          slotOf(Source::kAcceleration, j))
-                    : zero);
+          is_curved ? graph.differentiate(entry, slotOf(Source::kAcceleration, j)) : zero);
     }
   }
   for (int n = 0; n < scene.inputCount(); ++n) {
     made.input_slope.push_back(
-        constraint->order() == 2
-            ? graph.differentiate(constraint->function(), slotOf(Source::kInput, n))
-            : zero);
+        constraint->order() == 2 ? graph.differentiate(function, slotOf(Source::kInput, n)) : zero);
   }
 }
 
@@ -188,6 +177,9 @@ void addHolds(const Scene& scene, SceneFormulas& made) {
       hold.lower = nodeOf(law.lower);
       hold.level = nodeOf(law.level);
       hold.gap = nodeOf(law.gap);
+      const bool is_opaque =
+          graph.hasOpaque({hold.slip, hold.torque, hold.upper, hold.lower, hold.level, hold.gap});
+      noteOpaque(element->name(), is_opaque, made);
       addSlip(scene, hold, made);
       made.holds.push_back(std::move(hold));
     }
@@ -195,7 +187,7 @@ void addHolds(const Scene& scene, SceneFormulas& made) {
   const int rows = scene.constraintCount() + static_cast<int>(made.hold_names.size());
   for (int m = 0; m < scene.constraintCount(); ++m) {
     for (const Holding& law : scene.constraints[static_cast<std::size_t>(m)]->holdings()) {
-      const bool is_classical = scene.principle == Principle::kGauss;
+      const bool is_classical = scene.principle == Principle::kGauss && !isFormal(scene);
       addLosses(scene, law, m, is_classical ? m : rows + scene.shaftCount() + m, made);
     }
   }
@@ -214,45 +206,20 @@ void addHolds(const Scene& scene, SceneFormulas& made) {
   }
 }
 
-/// Rejects kinks of f in velocities: f' and C jump there, and the motion is more than a projection.
-void refuseBentVelocities(const Scene& scene, SceneFormulas& made) {
-  Graph& graph = *scene.graph;
-  for (const ConstraintPtr& constraint : scene.constraints) {
-    if (constraint->order() != 1) continue;
-    std::vector<Node> arguments;
-    for (const auto& it : findBranches(graph, {constraint->function()})) {
-      arguments.push_back(it.argument);
-    }
-    for (const auto& it : findPassages(graph, {constraint->function()})) {
-      if (it.smoothness < 3) arguments.push_back(it.argument);
-    }
-    for (const Node argument : arguments) {
-      bool reads = false;
-      for (int i = 0; i < scene.shaftCount(); ++i) {
-        reads = reads || graph.dependsOn(argument, slotOf(Source::kVelocity, i));
-      }
-      if (!reads) continue;
-      refuse(made, constraint->name(),
-             "it is of order 1 and abs, min, max, if or a table bends it in the velocities; "
-             "allowed: a formula that is smooth in the velocities, sqrt(x^2+1e-6) for abs(x)");
-    }
-  }
-}
-
 }  // namespace
 
 SceneFormulas collectFormulas(const Scene& scene) {
   SceneFormulas made;
-  for (const TorquePtr& element : scene.torques) refuseOpaque(*element);
+  made.has_directions = isFormal(scene);
+  for (const TorquePtr& element : scene.torques) {
+    noteOpaque(element->name(), element->callsOpaqueFunction(), made);
+  }
   made.torque = sumTorques(scene, &Torque::torques);
   for (const ConstraintPtr& constraint : scene.constraints) addConstraint(scene, constraint, made);
-  refuseBentVelocities(scene, made);
   addHolds(scene, made);
   addInertia(scene, made);
   std::vector<Node> laws = made.torque;
-  for (const ConstraintPtr& constraint : scene.constraints) {
-    laws.push_back(constraint->function());
-  }
+  for (const ConstraintPtr& constraint : scene.constraints) laws.push_back(constraint->function());
   for (const SceneHold& it : made.holds) {
     laws.insert(laws.end(), {it.slip, it.torque, it.upper, it.lower, it.level, it.gap});
     if (it.load >= 0) laws.insert(laws.end(), {it.slope[0], it.slope[1], it.base[0], it.base[1]});

@@ -45,12 +45,18 @@ struct SceneFormulas {
   std::vector<expression::Node> set;    ///< values that events set
   std::vector<expression::Node> delayed;
   bool inertia_varies = false;
-  bool has_directions = false;  ///< some D is not C
-  /// The element that keeps the texts of src/runtime from stepping the motion, and the reason; its
-  /// series exist.
+  bool has_directions = false;  ///< R has a part D' lambda, which its rate alone does not tell
+  /// The element that keeps the texts of src/runtime from stepping the motion, and the reason.
   std::optional<SceneError> no_steps;
-  bool has_expansion = true;  ///< The order by order solution exists: false of order 3 with gauss.
+  /// The element that keeps the formulas from being written, and the reason: an opaque function. Of
+  /// their coefficients the first two are true.
+  std::optional<SceneError> no_text;
 };
+
+/// True where R = C' lambda is differentiated, the formal equations [18].
+inline bool isFormal(const Scene& scene) {
+  return scene.principle == Principle::kGauss && scene.hasOrder3();
+}
 
 /// Throws SceneError, with the element and the reason, for elements that have no series.
 SceneFormulas collectFormulas(const Scene& scene);

@@ -11,8 +11,9 @@ namespace variator_sim {
 
 std::unique_ptr<SceneSeries> SceneSeries::make(const Scene& scene, const CommandSignal* signals) {
   try {
-    return std::unique_ptr<SceneSeries>(
-        new SceneSeries(scene, signals, std::make_shared<MotionProgram>(scene)));
+    auto program = std::make_shared<MotionProgram>(scene);
+    if (program->HAS_SERIES == 0) return nullptr;
+    return std::unique_ptr<SceneSeries>(new SceneSeries(scene, signals, std::move(program)));
   } catch (const SceneError&) {
     return nullptr;
   }
@@ -54,13 +55,6 @@ const vs_exchange& SceneSeries::describe(const SeriesPoint& point, double usual)
   }
   it_.usual = usual;
   return it_;
-}
-
-void SceneSeries::use(const std::shared_ptr<KernelLibrary>& library) {
-  std::unique_ptr<HostedSeries> compiled = hostSeries(library, *program_);
-  if (compiled == nullptr) return;
-  host_ = std::move(compiled);
-  ++expansion_;  // those that were shown are gone
 }
 
 bool SceneSeries::expand(const SeriesPoint& point, double usual, double limit, vs_shown* to) {

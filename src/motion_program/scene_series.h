@@ -26,15 +26,12 @@ class SceneSeries {
   static std::unique_ptr<SceneSeries> make(const Scene& scene, const CommandSignal* signals);
 
   const std::shared_ptr<const MotionProgram>& program() const { return program_; }
-  bool hasExpansion() const { return program_->hasExpansion(); }
   int order() const { return program_->SCENE_ORDER; }
 
   /// Expands the motion at a point as far as steps of `limit` s need it; shows its series, which
   /// hold until the next expansion or question. `usual`: the length that a step there may have, s,
   /// 0: not known. False where there are none.
   bool expand(const SeriesPoint& point, double usual, double limit, vs_shown* to);
-  /// Goes on by the machine code of its program, to the same bits; not if that lacks a function.
-  void use(const std::shared_ptr<KernelLibrary>& library);
   /// The number of the last expansion.
   long expansion() const { return expansion_; }
 

@@ -67,7 +67,7 @@ Made make(const ParameterTree& tree, const Sensitivity::SceneReader& read) {
   made.program =
       orRefuse("has no derivatives, since its motion is not stepped by power series", [&] {
         auto program = std::make_unique<MotionProgram>(scene, shownNodes(scene));
-        program->requireSteps();
+        program->requireText();
         return program;
       });
   made.numbers = made.program->numbers();
