@@ -22,7 +22,15 @@ VS_FUNCTION scene_status vs_start(scene_model* m, scene_series* it, int are_give
   status = vs_project_velocities(m, it);
   if (!may_move && !vs_are_given(m->now.velocity, given.velocity)) return SCENE_INCONSISTENT;
   if (status != SCENE_OK) return status;
-  if (TRANSMITS) return vs_decide_first(m);
+  if (IS_FORMAL) {
+    if (!are_given) status = vs_settle(m, it, VS_LEAST_REACTION, m->now.multiplier, 0, 0.0, 50);
+    if (status == SCENE_OK) status = vs_settle_accelerations(m, it);
+    if (status != SCENE_OK) return status;
+    if (are_given && !may_move && !vs_are_given(m->now.acceleration, given.acceleration))
+      return SCENE_INCONSISTENT;
+  }
+  if (HOLDS || (TRANSMITS && !IS_FORMAL)) return vs_decide_first(m);
+  if (IS_FORMAL) return SCENE_OK;
   if (IS_CLASSICAL) return vs_settle_accelerations(m, it);
   if (!are_given) return vs_settle(m, it, VS_LEAST_REACTION, lambda, 0, 0.0, 50);
   status = vs_settle_accelerations(m, it);
@@ -68,6 +76,7 @@ VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* ne
   }
   if (status != SCENE_OK) m->now = before;
   m->is_begun = 0;
+  m->at_rest = 0.0;
   m->crossings = 0;
   return status;
 }
@@ -106,5 +115,5 @@ VS_FUNCTION Real vs_reaction_rate(const scene_series* it, int i) {
     rate += IS_CLASSICAL ? (D[0] * l[1] + D[1] * l[0]) / it->unit : D[0] * l[0];
     if (has_direction[p] && !IS_CLASSICAL) rate += D[1] * it->row[TRANSMITTED + p][0] / it->unit;
   }
-  return IS_CLASSICAL ? rate : rate + vs_connection(it, i);
+  return HAS_CONNECTION ? rate + vs_connection(it, i) : rate;
 }

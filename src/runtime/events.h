@@ -20,10 +20,10 @@ VS_FUNCTION const Real* vs_guard(const scene_series* it, int guard) {
 /* Roots that are `close` are one event, and a jump among them is what is to be crossed. */
 VS_FUNCTION void vs_meet(vs_event* found, const Real* c, int last, int guard, double point,
                          double close) {
-  /* A motion that begins on the edge of a jump leaves it at once. */
+  /* A motion that begins on the edge of a jump, or of a kink of a speed, leaves it at once. */
   const int jumps = guard < SIGNS ? sign_jumps[guard] : passage_jumps[guard - SIGNS];
   const double side = vs_first_sign(c, last);
-  const int is_start = jumps && c[0] == 0.0 && side != 0.0;
+  const int is_start = (jumps || HAS_ORDER_1) && c[0] == 0.0 && side != 0.0;
   const int is_other = found->guard >= 0 && jumps != found->jumps;
   const double end = found->theta + (is_other ? (jumps - found->jumps) * close : 0.0);
   const double theta = is_start || !(end > 0.0) ? 0.0 : (double)vs_first_root(c, last, end);
@@ -66,6 +66,15 @@ VS_FUNCTION void vs_find_points(const scene_series* it, int table, double x, dou
   *on = above > 0 && points[above - 1] == x ? x : INFINITY;
   if (*on == x) --above;
   *low = above > 0 ? (double)points[above - 1] : -INFINITY;
+}
+
+/* The points between which a guard has the value x; of a sign that is 0 they are one. */
+VS_FUNCTION void vs_find_range(const scene_series* it, int guard, double x, double* low,
+                               double* high) {
+  double on;
+  *low = x < 0.0 ? -INFINITY : 0.0;
+  *high = x > 0.0 ? INFINITY : 0.0;
+  if (guard >= SIGNS) vs_find_points(it, guard - SIGNS, x, low, high, &on);
 }
 
 /* The part of theta up to which a guard's last two terms are next to nothing beside the others: of
@@ -266,6 +275,7 @@ VS_FUNCTION void vs_go(scene_model* m, Real theta) {
 typedef struct {
   Real torque[MOST_SHAFTS];
   Real residual[MOST_CONSTRAINTS + 1]; /* f or psi; 0 of order 3 */
+  Real entry[MOST_CONSTRAINTS * MOST_SHAFTS + 1], direction[MOST_CONSTRAINTS * MOST_SHAFTS + 1];
 } vs_law_values;
 
 /* The state at theta behind `base`, with all formulas in `it`. */
@@ -282,6 +292,36 @@ VS_FUNCTION void vs_look_from(scene_model* m, scene_series* it, const scene_stat
     const int row = (order_of[i] == 1 ? velocity_residual_row : residual_row)[i];
     found->residual[i] = order_of[i] < 3 ? it->row[row][0] : vs_zero;
   }
+  for (i = 0; i < S * K && HAS_ORDER_1; ++i) {
+    found->entry[i] = it->row[entry_row[i]][0];
+    found->direction[i] = it->row[direction_row[i]][0];
+  }
+}
+
+/* True unless a guard may do up to theta what its polynomial through stages does not show: of a
+ * function that is not seen into only values between the stages tell. */
+VS_FUNCTION_RARE int vs_are_guards_shown(scene_model* m, const vs_event* at, double theta) {
+  enum { VS_POINTS = 7 };
+  const scene_series* const it = vs_series(m);
+  scene_series* const w = &m->series[1 - m->present];
+  const scene_state base = m->now;
+  vs_law_values unused;
+  int g, n, are_shown = 1;
+  for (n = 0; n < VS_POINTS && are_shown && SIGNS + TABLES > 0; ++n) {
+    const double part = theta * (n + 0.5) / VS_POINTS;
+    vs_look_from(m, w, &base, at, part, &unused);
+    for (g = 0; g < SIGNS + TABLES; ++g) {
+      const Real* const c = vs_guard(it, g);
+      const double x = vs_guard(w, g)[0], off = fabs(x - vs_evaluate(c, it->order, part));
+      double low, high;
+      vs_find_range(it, g, c[0] == 0.0 && g < SIGNS ? vs_first_sign(c, it->order) : (double)c[0],
+                    &low, &high);
+      if (off <= 1e-3 * vs_tolerance(it, x)) continue;
+      are_shown = are_shown && seriesSmaller(x - low, high - x) > 2.0 * off;
+    }
+  }
+  m->now = base;
+  return are_shown;
 }
 
 /* A jump of a constraint of order 1 or 2 has no motion. Its size is what it would move the
@@ -300,16 +340,30 @@ VS_FUNCTION int vs_has_gap(const scene_model* m, const scene_series* it,
   return 0;
 }
 
-/* f' jumps where f bends in time or angles: the accelerations follow it, C of the others turning
- * with them. */
-VS_FUNCTION scene_status vs_follow_kink(scene_model* m, scene_series* it) {
-  Real dQ[MOST_SHAFTS], df[MOST_CONSTRAINTS + 1], u[MOST_INPUTS + 1];
+/* f' jumps where f bends in time, angles or velocities, and C with it of the last. */
+VS_FUNCTION scene_status vs_follow_kink(scene_model* m, scene_series* it,
+                                        const vs_law_values* before) {
+  Real dQ[MOST_SHAFTS], u[MOST_INPUTS + 1];
+  vs_kink kink;
   int i;
   vs_enter_state(m, it);
-  for (i = 0; i < S; ++i) dQ[i] = 0.0;
-  for (i = 0; i < K; ++i) df[i] = order_of[i] == 1 ? it->row[residual_row[i]][0] : vs_zero;
+  kink.turns = 0;
+  for (i = 0; i < S * K; ++i) {
+    kink.entry[i] = before->entry[i];
+    kink.direction[i] = before->direction[i];
+    kink.entry_turn[i] = it->row[entry_row[i]][0] - before->entry[i];
+    kink.direction_turn[i] = it->row[direction_row[i]][0] - before->direction[i];
+    kink.turns = kink.turns || (order_of[i / S] == 1 &&
+                                fabs(kink.entry_turn[i]) + fabs(kink.direction_turn[i]) >
+                                    1e-14 * (fabs(kink.entry[i]) + fabs(kink.direction[i])));
+  }
+  for (i = 0; i < S; ++i) {
+    dQ[i] = 0.0;
+    kink.acceleration[i] = m->now.acceleration[i];
+  }
+  for (i = 0; i < K; ++i) kink.gap[i] = it->row[residual_row[i]][0];
   for (i = 0; i < INPUTS; ++i) u[i] = vs_input_value(&m->now.input[i]);
-  return vs_jump(m, it, u, 0, dQ, df);
+  return vs_jump(m, it, u, 0, dQ, &kink);
 }
 
 /* Behind the event, the accelerations that go on from there. */
@@ -322,8 +376,8 @@ VS_FUNCTION scene_status vs_settle_beyond(scene_model* m, scene_series* it, cons
   if (at->jumps && vs_has_gap(m, it, before, after)) return SCENE_NO_MOTION;
   status = vs_project_velocities(m, it);
   if (status == SCENE_OK && IS_CLASSICAL) status = vs_follow_least_reaction(m, it);
-  if (status == SCENE_OK && !IS_CLASSICAL && HAS_ORDER_1) status = vs_follow_kink(m, it);
-  if (status == SCENE_OK && !IS_CLASSICAL && HAS_RESIDUAL) {
+  if (status == SCENE_OK && !IS_CLASSICAL && HAS_ORDER_1) status = vs_follow_kink(m, it, before);
+  if (status == SCENE_OK && !IS_CLASSICAL && !IS_FORMAL && HAS_RESIDUAL) {
     status = vs_settle_accelerations(m, it);
   }
   if (status == SCENE_OK && !IS_CLASSICAL && at->jumps) {

@@ -46,6 +46,7 @@ typedef struct {
   int is_event;   /* 1: the step ends at an event behind which all begins anew */
   int is_still;   /* 1: nothing moves by more than the tolerance in it */
   long rejections;
+  double rounding;           /* of the state, as it moves accelerations, in tolerances */
   double event;              /* from where on, s of the step, its end stands for all */
   const scene_event* events; /* changes of modes, and events of the scene (host.h) */
   int event_count;

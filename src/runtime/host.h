@@ -179,7 +179,7 @@ VS_FUNCTION scene_status vs_host_start(vs_host* h, scene_series* it, int are_giv
 }
 
 VS_FUNCTION void vs_host_forget_step(vs_host* h) {
-  h->made = 0.0;
+  h->made = h->model.at_rest = 0.0;
   h->model.is_begun = 0;
 }
 
@@ -260,22 +260,6 @@ VS_FUNCTION void vs_host_leave(vs_host* h, vs_exchange* to) {
   to->choice = m->choice;
 }
 
-/* True when no angle, no velocity and no state that something reads leaves the tolerance around its
- * value in the last step. */
-VS_FUNCTION int vs_host_is_still(const vs_host* h) {
-  const scene_series* const it = &h->model.series[h->taken];
-  const double theta = h->made / it->unit;
-  int c, n;
-  for (c = 0; c < 2 * S + STATES; ++c) {
-    const Real* const x = it->row[c < 2 * S ? ANGLE + c : STATE + c - 2 * S];
-    double power = theta, sum = 0.0;
-    if (c >= 2 * S && !state_is_wanted[c - 2 * S]) continue;
-    for (n = 1; n <= it->order; ++n, power *= theta) sum += fabs(x[n]) * power;
-    if (!(sum <= vs_tolerance(it, x[0]))) return 0;
-  }
-  return 1;
-}
-
 /* The changes of modes and the events at the end of a step or behind a change of inputs. */
 VS_FUNCTION void vs_host_tell_events(const scene_model* m, vs_exchange* to) {
   /* More at one instant than there is room for leave the last ones, in no order. */
@@ -311,6 +295,7 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   if (m->status == SCENE_OK && rest != 0.0) m->status = SCENE_NOT_FINITE;
   to->rejections = m->rejections - rejections;
   to->passed = m->passed;
+  to->rounding = m->rounding;
   if (m->status != SCENE_OK) {
     to->stopped = m->now.time;
     m->now = h->before;
@@ -328,7 +313,7 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   vs_host_tell_events(m, to);
   to->time = m->now.time;
   to->time_rest = m->now.time_rest;
-  to->is_still = h->made >= 1.0 && vs_host_is_still(h);
+  to->is_still = m->at_rest > 0.0;
   h->event = to->is_event ? m->event * m->series[h->taken].unit : h->made;
   /* An instant that rounding does not tell from an event shows the modes behind it. */
   if (HOLDS && to->is_event) h->event -= 8.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time);
@@ -340,7 +325,7 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
 VS_FUNCTION int vs_host_cut(vs_host* h, double at) {
   scene_model* const m = &h->model;
   int jumps;
-  if (at < h->event && at < h->made) {
+  if (h->made > 0.0 && at < h->event && at < h->made) {
     const scene_state end = m->now;
     m->status = vs_host_go(h, at);
     if (m->status != SCENE_OK) m->now = end;
@@ -374,7 +359,7 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
   const scene_state end = m->now;
   scene_status status = SCENE_OK;
   int i, j, p;
-  if (at < h->event && at < h->made) {
+  if (h->made > 0.0 && at < h->event && at < h->made) {
     status = vs_host_go(h, at);
   } else {
     it->unit = vs_unit_of(m->usual > 0.0 ? m->usual : 1e-3);
@@ -386,7 +371,7 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
   if (!vs_is_finite(it) && status == SCENE_OK) status = SCENE_NOT_FINITE;
   vs_at_once(it, 0);
   vs_reaction(it, to->reaction);
-  if (IS_CLASSICAL && INERTIA_VARIES) vs_note_pull(it, 0);
+  if (INERTIA_VARIES && !HAS_CONNECTION) vs_note_pull(it, 0);
   to->kinetic = 0.0;
   for (i = 0; i < S; ++i) {
     to->angle[i] = m->now.angle[i];
@@ -401,7 +386,7 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
   }
   for (p = 0; p < CONSTRAINTS; ++p) {
     to->residual[p] = vs_residual(it, p);
-    to->multiplier[p] = it->row[MULTIPLIER + p][0];
+    to->multiplier[p] = it->row[TOLD_MULTIPLIER + p][0];
   }
   for (p = 0; p < HOLDS; ++p) {
     vs_seen_hold* const held = to->hold + p;
@@ -454,10 +439,10 @@ VS_FUNCTION double vs_host_work(const vs_host* h, double at, double* through) {
   return sum;
 }
 
-/* C at the end of the last step, as its series tell. */
-VS_FUNCTION void vs_host_look(const vs_host* h, double* entry) {
+/* C `at` s behind the start of the last step, as its series tell. */
+VS_FUNCTION void vs_host_look(const vs_host* h, double at, double* entry) {
   const scene_series* const it = &h->model.series[h->taken];
-  const double theta = h->made / it->unit;
+  const double theta = at / it->unit;
   int i;
   for (i = 0; i < S * K; ++i) entry[i] = vs_evaluate(it->row[entry_row[i]], it->order, theta);
 }

@@ -30,12 +30,6 @@ int vs_kernel_host_see(void* h, double at, vs_seen* to) {
 double vs_kernel_host_work(void* h, double at, double* through) {
   return vs_host_work(h, at, through);
 }
-void vs_kernel_host_look(void* h, double* entry) {
-  vs_host_look(h, entry);
-}
-int vs_kernel_host_expand(void* h, const vs_exchange* from, double limit, vs_shown* to) {
-  return vs_host_expand(h, from, limit, to);
-}
-void vs_kernel_host_evaluate(void* h, const vs_exchange* at, double* values) {
-  vs_host_evaluate(h, at, values);
+void vs_kernel_host_look(void* h, double at, double* entry) {
+  vs_host_look(h, at, entry);
 }

@@ -44,6 +44,38 @@ VS_FUNCTION_RARE void vs_damp(const vs_stages* of, double* by, double* x) {
   for (i = 0; i < STATES; ++i) by[3 * S + i] += g * x[SIZE + i];
 }
 
+/* The size of the last term of a row's polynomial through the stages alone. (That through the
+ * begin, too, shows also what the begin is off the motion of slow components, which no step
+ * lessens.) */
+VS_FUNCTION_RARE double vs_last_term(const vs_stages* of, const Real* row) {
+  const double* const c = of->method->point;
+  const int s = of->method->stages;
+  double sum = 0.0, size = 1.0;
+  int j, k;
+  for (j = 0; j < s; ++j) {
+    double product = 1.0;
+    for (k = 0; k < s; ++k) product *= k == j ? 1.0 : c[j] - c[k];
+    sum += row[j + 1] / product;
+    if (j < s - 1) size *= c[j];
+  }
+  return fabs(sum) * size;
+}
+
+/* True where formulas jump between the begin and a stage, whose values are in the rows. */
+VS_FUNCTION_RARE int vs_jumps_inside(const scene_series* it, int stages) {
+  int g, j;
+  for (g = 0; g < SIGNS + TABLES; ++g) {
+    const Real* const c = vs_guard(it, g);
+    double low, high;
+    if (!(g < SIGNS ? sign_jumps[g] : passage_jumps[g - SIGNS])) continue;
+    vs_find_range(it, g, c[0], &low, &high);
+    for (j = 1; j <= stages; ++j) {
+      if (!(c[j] > low && c[j] < high) && c[j] != c[0]) return 1;
+    }
+  }
+  return 0;
+}
+
 /* The error of a step in tolerances: the defect x' - p'(0) of its polynomials at the begin, damped
  * by an implicit step of g, twice at a first step and after a rejection (Hairer and Wanner,
  * (IV.8.20)). */
@@ -53,6 +85,8 @@ VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* 
   double* const by = of->residual;
   /* the largest |theta (theta - c_1) .. (theta - c_s)| */
   const double between = of->method->stages == 3 ? 0.018 : 0.0011;
+  /* (Accelerations that follow from the state jump with their formulas, in any step.) */
+  const int has_jump = IS_CLASSICAL && vs_jumps_inside(it, of->method->stages);
   double norm = 0.0, rest = 0.0;
   int e, i, p;
   for (i = 0; i < UNKNOWNS; ++i) x[i] = 0.0;
@@ -74,6 +108,11 @@ VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* 
     }
   }
   vs_damp(of, by, x);
+  /* (What is stuck has no error but that of the torque by which it lets go.) */
+  for (p = 0; p < K && TRANSMITS && !IS_CLASSICAL; ++p) {
+    const double allowed = vs_tolerance(it, it->row[TRANSMITTED + p][0]);
+    norm = seriesLarger(norm, fabs(g * x[S + p]) / allowed);
+  }
   if (is_first) { /* and again: R has changed by by + g C' x */
     for (i = 0; i < S && !IS_CLASSICAL; ++i) {
       for (p = 0; p < K; ++p) by[i] += g * vs_direction(it, p, i) * x[S + p];
@@ -89,8 +128,12 @@ VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* 
     norm = seriesLarger(norm, fabs(by[S + i]) / vs_tolerance(it, it->row[VELOCITY + i][0]));
     if (FIRST_JUDGED == 0)
       norm = seriesLarger(norm, fabs(by[2 * S + i]) / vs_tolerance(it, it->row[ANGLE + i][0]));
-    if (IS_CLASSICAL)
-      x[i] = between * vs_coefficient(of, of->method->stages - 1, it->row[ACCELERATION + i]);
+    if (has_jump)
+      x[i] = 0.0;
+    else if (IS_CLASSICAL)
+      x[i] = seriesSmaller(
+          fabs(between * vs_coefficient(of, of->method->stages - 1, it->row[ACCELERATION + i])),
+          vs_last_term(of, it->row[ACCELERATION + i]));
     norm = seriesLarger(norm, fabs(x[i]) / (vs_tolerance(it, it->row[ACCELERATION + i][0]) +
                                             vs_acceleration_noise(it, of, i)));
     rest += 0.0 * x[i];
@@ -237,8 +280,11 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
   int i, trial;
   if (!is_begun && !vs_begin_here(m, vs_unit_of(seriesSmaller(limit, h)))) return SCENE_SINGULAR;
   /* (Where a formula has no series, no rate of R exists.) */
-  for (i = 0; i < K; ++i)
-    if (!isfinite(it->row[MULTIPLIER + i][0])) VS_SET_VALUE(it->row[MULTIPLIER + i][0], 0.0);
+  for (i = 0; i < K; ++i) {
+    if (isfinite(it->row[MULTIPLIER + i][0])) continue;
+    if (!HAS_SERIES) return SCENE_NOT_FINITE;
+    VS_SET_VALUE(it->row[MULTIPLIER + i][0], 0.0);
+  }
   vs_lay_out(m, RELATIVE_TOLERANCE <= 1e-5 ? 1 : 0, &of);
   of.h = seriesSmaller(h, limit);
   vs_guess_stages(it, known, past, &of);
@@ -249,7 +295,7 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
   for (i = 0; i < K; ++i) w->row[MULTIPLIER + i][0] = it->row[MULTIPLIER + i][0];
   if (!vs_find_reaction(w, of.R, of.P)) return SCENE_SINGULAR;
   vs_find_slopes(w, &from, &of);
-  for (trial = 0; trial < 40 && of.h > least; ++trial) {
+  for (trial = 0; trial < 40 && of.h >= least; ++trial) {
     double part, shorter;
     if (trial > 0) {
       vs_enter_inputs(m, w, 0);
@@ -299,9 +345,10 @@ VS_FUNCTION_RARE double vs_size_of_left(const scene_model* m, const scene_series
  * does, which the motion keeps.) */
 VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, double theta) {
   const scene_series* const it = vs_series(m);
-  enum { VS_MOST_ROUNDS = 8 };
+  enum { VS_MOST_ROUNDS = 20 };
   vs_stages of;
   double rate[MOST_INPUTS + 1], reaction[MOST_SHAFTS];
+  const double enough = IS_CLASSICAL ? 0.1 : 0.01; /* tolerances */
   double g, *x, moved = INFINITY, before = INFINITY;
   int i, n, round;
   if (!it->is_implicit) return;
@@ -317,7 +364,7 @@ VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, doub
   }
   vs_enter_inputs(m, w, 0);
   /* (C turns with time, and each round leaves a part of what psi is off.) */
-  for (round = 0; round < VS_MOST_ROUNDS && moved > 0.01 && (round < 2 || moved < 0.5 * before);
+  for (round = 0; round < VS_MOST_ROUNDS && moved > enough && (round < 2 || moved < 0.5 * before);
        ++round) {
     vs_enter_state(m, w);
     if (!vs_find_reaction(w, x, of.P)) return;
@@ -328,7 +375,7 @@ VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, doub
       x[SIZE + i] = IS_CLASSICAL ? w->row[rate_row[i]][0] - rate[i] : (Real)0.0;
     }
     before = moved;
-    moved = IS_CLASSICAL ? 0.0 : vs_size_of_left(m, w, x);
+    moved = vs_size_of_left(m, w, x);
     vs_substitute(of.real, 0, UNKNOWNS, of.real_pivot, x, 0);
     for (i = 0; i < S; ++i) {
       m->now.acceleration[i] += x[i];

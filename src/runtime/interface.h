@@ -50,7 +50,9 @@ void scene_init(scene_model* m) {
     vs_hold_constant(&m->now.input[i], initial_input[i]);
     m->now.silence[i] = -1.0;
   }
-  if (TRANSMITS) m->status = vs_start(m, &m->series[1], 0, MAY_PROJECT);
+  if (TRANSMITS ||
+      (IS_CLASSICAL && IS_CURVED)) /* (It may lie in a corner, which is rounded here.) */
+    m->status = vs_start(m, &m->series[1], HAS_GIVEN_ACCELERATIONS, MAY_PROJECT);
 }
 
 scene_status scene_command(scene_model* m, int input, double value) {
@@ -132,7 +134,7 @@ scene_status scene_read(scene_model* m, scene_sample* sample) {
   }
   for (p = 0; p < CONSTRAINTS; ++p) {
     sample->residual[p] = vs_residual(it, p);
-    sample->multiplier[p] = it->row[MULTIPLIER + p][0];
+    sample->multiplier[p] = it->row[TOLD_MULTIPLIER + p][0];
   }
   for (i = 0; i < HOLDS; ++i) {
     sample->mode[i] = m->now.told[i];

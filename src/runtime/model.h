@@ -10,9 +10,12 @@ typedef struct {
   int passed;     /* the event of the last step, or -1 */
   int has_set;    /* 1: events have set values at the present */
   double usual;   /* length of the last step, s */
+  double at_rest; /* s: that the next step may have, where the last one was still; or 0 */
   double reached; /* the end of the last step, in units */
   double damped;  /* length of the last implicit step, s (vs_settle_implicitly) */
   scene_choice choice;
+  double noise[SCENE_SHAFTS]; /* accelerations that rounding makes at the step's end */
+  double rounding;            /* the same in tolerances; 0: not asked for, or nothing */
   double event; /* that the last step has passed, in units: from there on its end stands for all */
   double longest[SCENE_CONSTRAINTS + SCENE_HOLDS + 1]; /* that C J^-1 C' has been */
   long steps, rejections;

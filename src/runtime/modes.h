@@ -1,8 +1,9 @@
 /* The modes of elements that hold (conditions.h), which are decided together. */
 
-/* The order of the series by which modes are decided. */
+/* The order of the series by which modes are decided. (Of opaque functions, in torques, order 1 is
+ * the last that is true, and a slip follows from a torque by an order more.) */
 VS_FUNCTION_RARE int vs_decides_by(void) {
-  return 5 < SCENE_ORDER ? 5 : SCENE_ORDER;
+  return !HAS_SERIES ? 2 : 5 < SCENE_ORDER ? 5 : SCENE_ORDER;
 }
 
 /* Takes the rows of stuck elements into the algebra but those that others of it imply: the motion
@@ -46,7 +47,8 @@ VS_FUNCTION_RARE scene_status vs_take_sides(scene_model* m, scene_series* it,
   if (status != SCENE_OK) return status;
   if (!vs_begin(it, m->now.multiplier, 1)) return SCENE_SINGULAR;
   /* A step's whole series may contradict modes that fewer orders decided at this instant. */
-  while (it->order < (m->crossings == 0 ? vs_decides_by() : SCENE_ORDER)) vs_extend(it);
+  while (it->order < (m->crossings == 0 || !HAS_SERIES ? vs_decides_by() : SCENE_ORDER))
+    vs_extend(it);
   return SCENE_OK;
 }
 

@@ -5,7 +5,8 @@
  * where a_n and g_n follow from the formulas, whose coefficients n are first made with epsilon_n =
  * 0 and then corrected. gauss: mu = lambda of J epsilon + n - Q = D' lambda; generalized: n mu_n =
  * unit Lambda_{n-1} of R' = C' Lambda + 1/2 J' omega J^-1 R, or, of constraints with a direction D
- * that is not C, R' = (D' lambda)' + .. with lambda' = Lambda */
+ * of their own, R' = (D' lambda)' + .. with lambda' = Lambda. Of gauss with a constraint of order 3
+ * these are all constraints, D = C, and R' has no other part. */
 
 /* a_n */
 VS_FUNCTION_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
@@ -19,9 +20,9 @@ VS_FUNCTION_INLINE Real vs_force_rest(const scene_series* it, int i, int n) {
   } else if (INERTIA_VARIES) {
     sum -= r[inertial_row[i]][n] + vs_convolve(r[inertia_row[i]], r[ACCELERATION + i], n, 1, 0);
   }
-  for (j = 0; j < S && IS_GENERAL && !IS_CLASSICAL; ++j)
+  for (j = 0; j < S && IS_GENERAL && HAS_CONNECTION; ++j)
     sum += it->unit * (1.0 / n) * vs_convolve(r[turn_row[S * i + j]], r[PULL + j], n - 1, 0, 0);
-  if (!IS_CLASSICAL && INERTIA_VARIES && !IS_GENERAL)
+  if (HAS_CONNECTION && !IS_GENERAL)
     sum += it->unit * (1.0 / n) * vs_convolve(r[connection_row[i]], r[PULL + i], n - 1, 0, 0);
   return sum;
 }
@@ -133,7 +134,7 @@ VS_FUNCTION_INLINE void vs_order(scene_series* it, int n) {
   vs_tried(it, n);
   if (!it->is_path) vs_solve_order(it, n);
   vs_rest(it, n);
-  if (!it->is_path && !IS_CLASSICAL && INERTIA_VARIES) vs_note_pull(it, n);
+  if (!it->is_path && HAS_CONNECTION) vs_note_pull(it, n);
 }
 
 /* A function for each order, whose sums a compiler unrolls; scenes of very many formulas have one
@@ -201,9 +202,9 @@ VS_FUNCTION_RARE void vs_forget_polynomials(scene_series* it) {
 VS_FUNCTION int vs_begin(scene_series* it, const Real* lambda, int is_factored) {
   it->order = 0;
   if (!is_factored || ENTRIES_TURN || IS_CURVED) {
-    if (IS_CLASSICAL ? !vs_factor_curved(it, lambda, 1, 3) : !vs_factor(it, 1, 3)) return 0;
+    if (IS_GAUSS ? !vs_factor_curved(it, lambda, 1, 3) : !vs_factor(it, 1, 3)) return 0;
   }
-  if (!IS_CLASSICAL && INERTIA_VARIES) vs_note_pull(it, 0);
+  if (HAS_CONNECTION) vs_note_pull(it, 0);
   if (!IS_CLASSICAL) vs_extend(it);
   return 1;
 }
@@ -340,6 +341,11 @@ VS_FUNCTION double vs_choose_length(const scene_series* it, double limit) {
   return theta * it->unit;
 }
 
+/* The longest step, s: twice the last one of a motion that is still. */
+VS_FUNCTION double vs_longest(const scene_model* m) {
+  return seriesLarger(m->at_rest, MAXIMUM_STEP);
+}
+
 /* The series of the state as far as steps of `limit` s need them, and how long a step may be. */
 VS_FUNCTION scene_status vs_expand(scene_model* m, double limit) {
   scene_series* const it = vs_series(m);
@@ -367,7 +373,7 @@ VS_FUNCTION scene_status vs_expand(scene_model* m, double limit) {
     vs_integrate_last(it);
     /* A motion that is a polynomial allows any length, but its powers must not overflow. */
     m->usual = seriesSmaller(vs_choose_length(it, limit),
-                             seriesSmaller(MAXIMUM_STEP, seriesSmaller(1e6, 1e8 * it->unit)));
+                             seriesSmaller(vs_longest(m), seriesSmaller(1e6, 1e8 * it->unit)));
     return SCENE_OK;
   }
   return SCENE_NOT_FINITE;

@@ -98,8 +98,9 @@ VS_FUNCTION scene_status vs_settle(scene_model* m, scene_series* it, int what, R
   int i;
   vs_enter_state(m, it);
   for (; rounds > 0; --rounds) {
-    const int is_regular =
-        what == VS_LEAST_REACTION ? vs_factor_curved(it, lambda, 1, high) : vs_factor(it, 1, high);
+    const int is_regular = what == VS_LEAST_REACTION || IS_FORMAL
+                               ? vs_factor_curved(it, lambda, 1, high)
+                               : vs_factor(it, 1, high);
     if (!is_regular) return SCENE_SINGULAR;
     vs_find_rest(m, it, what, lambda, x);
     for (i = 0; i < SIZE && share > 0.0; ++i) x[i] -= share * left[i];
@@ -138,16 +139,25 @@ VS_FUNCTION scene_status vs_follow_least_reaction(scene_model* m, scene_series* 
     }
     m->now = before;
     part *= 0.25;
-    if (!(part > 1e-6)) return SCENE_NO_MOTION;
+    if (!(part > 1e-13)) return SCENE_NO_MOTION;
   }
   return SCENE_OK;
 }
 
 /* The accelerations of a state: those that the principle gives, or its own, on psi = 0. */
 VS_FUNCTION scene_status vs_settle_accelerations(scene_model* m, scene_series* it) {
-  if (IS_CLASSICAL) return vs_settle(m, it, VS_LEAST_REACTION, m->now.multiplier, 0, 0.0, 50);
-  return HAS_RESIDUAL ? vs_settle(m, it, VS_ONTO_CONSTRAINTS, vs_transmitted(m), 0, 0.0, 25)
-                      : SCENE_OK;
+  if (IS_CLASSICAL) {
+    const scene_state before = m->now;
+    if (vs_settle(m, it, VS_LEAST_REACTION, m->now.multiplier, 0, 0.0, 50) == SCENE_OK)
+      return SCENE_OK;
+    m->now = before; /* (Newton's iteration leaps over a bend as sharp as a rounded corner.) */
+    if (vs_follow_least_reaction(m, it) == SCENE_OK) return SCENE_OK;
+    m->now = before;
+    return SCENE_NOT_CONVERGED;
+  }
+  if (!HAS_RESIDUAL && !IS_FORMAL) return SCENE_OK;
+  return vs_settle(m, it, IS_FORMAL ? VS_RESTORES : VS_ONTO_CONSTRAINTS, vs_transmitted(m), 0, 0.0,
+                   25);
 }
 
 /* R' = C' Lambda: what no C has a part of is a constant of R (with J(phi) of R / sqrt(J)). It is
@@ -166,10 +176,54 @@ VS_FUNCTION void vs_note_reaction(scene_model* m, scene_series* it) {
 /* ---- Jumps: time, angles and velocities stay, the accelerations move along psi = 0 by
         J d(epsilon) = dQ + C' L,  C d(epsilon) + dpsi/du du + df' = 0. ---- */
 
-/* At theta of the path from the inputs u0 to u0 + du; df: how f' of the constraints of order 1
- * jumps, or 0. */
+/* A kink of constraints of order 1, the limit of ever sharper bends in which C and D turn from one
+ * side to the other,
+ *     C = C_before + theta dC,  df' = gap + dC (epsilon - epsilon_before) */
+typedef struct {
+  Real entry[MOST_CONSTRAINTS * MOST_SHAFTS + 1], direction[MOST_CONSTRAINTS * MOST_SHAFTS + 1];
+  Real entry_turn[MOST_CONSTRAINTS * MOST_SHAFTS + 1];
+  Real direction_turn[MOST_CONSTRAINTS * MOST_SHAFTS + 1];
+  Real gap[MOST_CONSTRAINTS + 1], acceleration[MOST_SHAFTS];
+  int turns;
+} vs_kink;
+
+/* Turns C and D of the state that was entered; x: what the turn adds to dQ, and -df'. */
+VS_FUNCTION_RARE void vs_turn_rows(const scene_model* m, scene_series* it, const vs_kink* kink,
+                                   double theta, Real* x) {
+  int i, p;
+  for (p = 0; p < K; ++p) {
+    x[S + p] = order_of[p] == 1 ? -kink->gap[p] : vs_zero;
+    for (i = 0; i < S && order_of[p] == 1; ++i) {
+      const int n = S * p + i;
+      it->row[entry_row[n]][0] = kink->entry[n] + theta * kink->entry_turn[n];
+      it->row[direction_row[n]][0] = kink->direction[n] + theta * kink->direction_turn[n];
+      x[S + p] -= kink->entry_turn[n] * (m->now.acceleration[i] - kink->acceleration[i]);
+      if (has_direction[p]) x[i] += kink->direction_turn[n] * m->now.multiplier[p];
+    }
+  }
+}
+
+/* Adds to dQ what D turns by with the inputs: its coefficients 1 along their path. */
+VS_FUNCTION_RARE void vs_turn_with_inputs(const scene_model* m, scene_series* it, const Real* du,
+                                          Real* x) {
+  int i, k, p;
+  for (i = ANGLE; i < STATE; ++i) it->row[i][1] = 0.0;
+  for (k = 0; k < INPUT_ROW_COUNT; ++k)
+    it->row[input_row[k]][1] = input_rate_of_row[k] == 0 ? du[input_of_row[k]] : vs_zero;
+  it->row[TIME][1] = 0.0;
+  it->is_path = 1;
+  it->order = 0;
+  vs_extend(it);
+  it->is_path = 0;
+  for (p = 0; p < K; ++p) {
+    for (i = 0; i < S; ++i) x[i] += it->row[direction_row[S * p + i]][1] * m->now.multiplier[p];
+  }
+  for (i = 0; i < SCENE_ROWS; ++i) it->row[i][1] = 0.0; /* (Some series end before.) */
+}
+
+/* At theta of the path from the inputs u0 to u0 + du, or over a kink. */
 VS_FUNCTION int vs_jump_rate(scene_model* m, scene_series* it, double theta, const Real* u0,
-                             const Real* du, const Real* dQ, const Real* df, Real* x) {
+                             const Real* du, const Real* dQ, const vs_kink* kink, Real* x) {
   int i, k, p;
   for (k = 0; k < INPUT_ROW_COUNT; ++k) {
     i = input_of_row[k];
@@ -177,14 +231,15 @@ VS_FUNCTION int vs_jump_rate(scene_model* m, scene_series* it, double theta, con
       it->row[input_row[k]][0] = du == 0 ? u0[i] : u0[i] + theta * du[i];
   }
   vs_enter_state(m, it);
-  if (!vs_factor(it, 1, 3)) return 0;
-  for (i = 0; i < S; ++i) x[i] = dQ[i];
-  for (p = 0; p < K; ++p) x[S + p] = df == 0 ? vs_zero : -df[p];
+  for (i = 0; i < SIZE; ++i) x[i] = i < S ? dQ[i] : vs_zero;
+  if (kink != 0) vs_turn_rows(m, it, kink, theta, x);
+  if (!(IS_FORMAL ? vs_factor_curved(it, m->now.multiplier, 1, 3) : vs_factor(it, 1, 3))) return 0;
   if (du != 0) {
     vs_at_once(it, 0);
     for (p = 0; p < K; ++p) {
       for (i = 0; i < INPUTS; ++i) x[S + p] -= it->row[input_slope_row[INPUTS * p + i]][0] * du[i];
     }
+    if (IS_FORMAL) vs_turn_with_inputs(m, it, du, x);
   }
   vs_solve(it, x);
   return 1;
@@ -194,7 +249,7 @@ VS_FUNCTION int vs_jump_rate(scene_model* m, scene_series* it, double theta, con
  * Runge-Kutta formulae, J. Comp. Appl. Math. 6 (1980) 19-26; its error in a tenth of the tolerance.
  * False where C has lost rank. */
 VS_FUNCTION int vs_step_of_path(scene_model* m, scene_series* it, double theta, double h,
-                                const Real* u0, const Real* du, const Real* dQ, const Real* df,
+                                const Real* u0, const Real* du, const Real* dQ, const vs_kink* kink,
                                 double* norm) {
   static const double a[6][6] = {
       {0.2, 0, 0, 0, 0, 0},
@@ -207,20 +262,19 @@ VS_FUNCTION int vs_step_of_path(scene_model* m, scene_series* it, double theta, 
   static const double e[7] = {71.0 / 57600,      0,          -71.0 / 16695, 71.0 / 1920,
                               -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
   Real k[7][MOST_SIZE];
-  Real begin[MOST_SHAFTS];
-  int i, j, n, p;
-  for (i = 0; i < S; ++i) begin[i] = m->now.acceleration[i];
-  if (!vs_jump_rate(m, it, theta, u0, du, dQ, df, k[0])) return 0;
+  const scene_state begin = m->now;
+  int i, j, n;
+  if (!vs_jump_rate(m, it, theta, u0, du, dQ, kink, k[0])) return 0;
   for (n = 0; n < 6; ++n) {
-    for (i = 0; i < S; ++i) {
+    for (i = 0; i < (TRANSMITS ? SIZE : S); ++i) {
       Real sum = 0.0;
       for (j = 0; j <= n; ++j) sum += a[n][j] * k[j][i];
-      m->now.acceleration[i] = begin[i] + h * sum;
+      if (i < S)
+        m->now.acceleration[i] = begin.acceleration[i] + h * sum;
+      else
+        m->now.multiplier[i - S] = begin.multiplier[i - S] + h * sum;
     }
-    if (!vs_jump_rate(m, it, theta + c[n] * h, u0, du, dQ, df, k[n + 1])) return 0;
-  }
-  for (p = 0; p < K && TRANSMITS; ++p) { /* the last stage's formula is that of the step */
-    for (j = 0; j < 6; ++j) m->now.multiplier[p] += h * a[5][j] * k[j][S + p];
+    if (!vs_jump_rate(m, it, theta + c[n] * h, u0, du, dQ, kink, k[n + 1])) return 0;
   }
   *norm = 0.0;
   for (i = 0; i < S; ++i) {
@@ -233,13 +287,14 @@ VS_FUNCTION int vs_step_of_path(scene_model* m, scene_series* it, double theta, 
 }
 
 VS_FUNCTION scene_status vs_jump(scene_model* m, scene_series* it, const Real* u0, const Real* du,
-                                 const Real* dQ, const Real* df) {
+                                 const Real* dQ, const vs_kink* kink) {
   double theta = 0.0;
   double h = 0.1;
   Real x[MOST_SIZE];
   int i, steps;
-  if (JUMPS_STRAIGHT) { /* C depends on no acceleration and no input */
-    if (!vs_jump_rate(m, it, 0.0, u0, 0, dQ, df, x)) return SCENE_SINGULAR;
+  /* C depends on no acceleration and no input. */
+  if (JUMPS_STRAIGHT && !(kink != 0 && kink->turns)) {
+    if (!vs_jump_rate(m, it, 1.0, u0, 0, dQ, kink, x)) return SCENE_SINGULAR;
     for (i = 0; i < S; ++i) m->now.acceleration[i] += x[i];
     for (i = 0; i < K && TRANSMITS; ++i) m->now.multiplier[i] += x[S + i];
     return SCENE_OK;
@@ -249,9 +304,9 @@ VS_FUNCTION scene_status vs_jump(scene_model* m, scene_series* it, const Real* u
     double norm = INFINITY;
     int is_good;
     h = seriesSmaller(h, 1.0 - theta);
-    is_good = vs_step_of_path(m, it, theta, h, u0, du, dQ, df, &norm);
-    if (is_good && norm <= 1.0 && df == 0 && HAS_RESIDUAL) {
-      is_good = vs_settle_accelerations(m, it) == SCENE_OK;
+    is_good = vs_step_of_path(m, it, theta, h, u0, du, dQ, kink, &norm);
+    if (is_good && norm <= 1.0 && kink == 0 && HAS_RESIDUAL) {
+      is_good = vs_settle(m, it, VS_ONTO_CONSTRAINTS, vs_transmitted(m), 0, 0.0, 25) == SCENE_OK;
     }
     if (is_good && norm <= 1.0)
       theta = h < 1.0 - theta ? theta + h : 1.0;

@@ -44,10 +44,19 @@ VS_FUNCTION_RARE int vs_is_resolved_in_ranges(const scene_series* it, double the
     acceleration[i] = ACCELERATION + i;
   }
   for (i = 0; i < WATCHED; ++i) ranges[watched_row[i]].off = 0.0;
+  for (i = 0; i < SIGNS; ++i) ranges[sign_row[i]].off = 0.0;
   for (i = 0; i < 3 && at != 0; ++i) asked.at[i] = at[i];
   if (!seriesIsResolved(&asked)) return 0;
   for (i = 0; i < WATCHED; ++i) {
     if (!(ranges[watched_row[i]].off <= vs_tolerance(it, it->row[watched_row[i]][0]))) return 0;
+  }
+  /* A switching function that is flat here (max(0, tanh(x)) at x = -200) may pass unseen. */
+  for (i = 0; i < SIGNS; ++i) {
+    const struct SeriesRange* range = ranges + sign_row[i];
+    if (!(range->off > 0.0)) continue;
+    range = seriesRange(&asked, sign_row[i]);
+    if (range->low <= 0.0 && range->high >= 0.0 && range->off > 1e-6 * seriesSizeOf(range))
+      return 0;
   }
   return 1;
 }

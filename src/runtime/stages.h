@@ -211,12 +211,12 @@ VS_FUNCTION_RARE void vs_enter_stage(scene_series* w, const scene_state* from, c
  * its own, D' lambda of a constraint is no part of R. */
 VS_FUNCTION_INLINE int vs_find_reaction(scene_series* w, double* R, double* P) {
   int e, i, p;
-  if (INERTIA_VARIES && !IS_CLASSICAL) {
+  if (HAS_CONNECTION) {
     if (!vs_factor_inertia(w)) return 0;
     vs_note_pull(w, 0);
   }
   vs_reaction(w, R);
-  for (i = 0; i < S; ++i) P[i] = IS_CLASSICAL ? 0.0 : (double)vs_connection(w, i);
+  for (i = 0; i < S; ++i) P[i] = HAS_CONNECTION ? (double)vs_connection(w, i) : 0.0;
   for (p = 0; p < K; ++p) {
     const int is_own = IS_CLASSICAL || has_direction[p];
     const double transmitted = w->row[TRANSMITTED + p][0], Lambda = w->row[MULTIPLIER + p][0];
@@ -434,10 +434,10 @@ VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stage
   for (j = 0; j < s; ++j) {
     for (i = 0; i < n; ++i) {
       double change = 0.0;
-      if (i >= S && i < SIZE) continue;
+      const int row = i < S ? VELOCITY + i : i < SIZE ? TRANSMITTED + i - S : STATE + i - SIZE;
+      if (i >= S && i < SIZE && (IS_CLASSICAL || !TRANSMITS)) continue;
       for (k = 0; k < s; ++k) change += method->A[j][k] * of->residual[n * k + i];
-      change = fabs(of->h * change) /
-               vs_tolerance(it, it->row[i < S ? VELOCITY + i : STATE + i - SIZE][0]);
+      change = fabs(of->h * change) / vs_tolerance(it, it->row[row][0]);
       size = seriesLarger(size, change);
       if (i >= S || IS_CLASSICAL) continue;
       change = fabs(of->residual[n * j + i]) / (vs_tolerance(it, it->row[ACCELERATION + i][0]) +
@@ -458,7 +458,8 @@ VS_FUNCTION_RARE int vs_find_stages(scene_series* it, scene_series* w, const sce
     if (!vs_find_residuals(it, w, from, of)) return 0;
     size = vs_correct_stages(it, of);
     if (!isfinite(size)) return 0;
-    if (size <= 0.1 * VS_LEFT) return 1;
+    /* (A first correction tells nothing of the rate at which others would become smaller.) */
+    if (size <= (*rounds > 1 ? 0.1 : 1e-4) * VS_LEFT) return 1;
     if (*rounds > 1) {
       rate = size / previous;
       if (rate >= 1.0) return size <= VS_LEFT; /* rounding is all that is left */

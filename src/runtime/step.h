@@ -16,7 +16,7 @@ VS_FUNCTION int vs_has_settled(const scene_signal* s) {
  * the form. */
 VS_FUNCTION void vs_end_inputs(scene_model* m) {
   int i;
-  (void)state_is_wanted, (void)delay_input; /* (Only hosts ask for them.) */
+  (void)delay_input; /* (Only hosts ask for it.) */
   for (i = 0; i < INPUTS; ++i) {
     scene_signal* const s = &m->now.input[i];
     if ((s->age >= s->end && s->form != VS_DELAYED) || vs_has_settled(s))
@@ -26,7 +26,7 @@ VS_FUNCTION void vs_end_inputs(scene_model* m) {
 
 /* The longest that the inputs let a step be, s. */
 VS_FUNCTION double vs_limit(scene_model* m, double left) {
-  double limit = seriesSmaller(left, MAXIMUM_STEP);
+  double limit = seriesSmaller(left, vs_longest(m));
   int i;
   vs_end_inputs(m);
   for (i = 0; i < INPUTS; ++i) {
@@ -84,8 +84,9 @@ VS_FUNCTION double vs_defect(const scene_model* m, const scene_series* it, const
     } else if (is_kink && behind > 0.0) {
       moved = 0.0; /* (Those of gauss follow from the state, and nothing from them.) */
     }
-    missed *= h / ((it->order + 1) * vs_tolerance(it, compared));
-    defect = seriesLarger(defect, (IS_CLASSICAL ? 0.1 : 1.0) * moved / vs_tolerance(it, size));
+    missed *= h / ((it->order + 1) * (vs_tolerance(it, compared) + m->noise[i]));
+    moved /= vs_tolerance(it, size) + m->noise[i];
+    defect = seriesLarger(defect, (IS_CLASSICAL ? 0.1 : 1.0) * moved);
     if (!is_kink || IS_CLASSICAL) defect = seriesLarger(defect, missed);
     if (!isfinite(missed)) return INFINITY;
   }
@@ -166,9 +167,50 @@ VS_FUNCTION scene_status vs_move_behind(scene_model* m, const scene_state* befor
   return vs_move_to(m, before, at, *theta, expected);
 }
 
-/* Moves to theta or behind an event. *defect: see vs_defect. */
+/* The accelerations at the end of a step, moved by `by` s and parts `part` of its state. */
+VS_FUNCTION_RARE int vs_displace(scene_model* m, const scene_state* end, double by, double part,
+                                 double* acceleration) {
+  scene_series* const next = &m->series[1 - m->present];
+  int i, is_found;
+  m->now = *end;
+  m->now.time += by;
+  for (i = 0; i < S; ++i) { /* (Of several sizes, lest those of a difference cancel.) */
+    const double change = (i % 2 ? part : -part) * (1.0 + 0.3 * (i % 3));
+    m->now.angle[i] *= 1.0 + change;
+    m->now.velocity[i] *= 1.0 + change;
+  }
+  is_found = vs_arrive(m, next, next->unit, 0) == SCENE_OK;
+  for (i = 0; i < S; ++i)
+    acceleration[i] = is_found ? (double)m->now.acceleration[i] : (double)end->acceleration[i];
+  m->now = *end;
+  return is_found;
+}
+
+/* Notes the accelerations that rounding makes at the end of a step, which no shorter one lessens:
+ * that of the state, and that of times inside formulas, sin(t + 1e8), which departs from a line
+ * over negligible times. True where they are a part of the tolerance, and more than they were. */
+VS_FUNCTION_RARE int vs_note_rounding(scene_model* m) {
+  const scene_state end = m->now;
+  const double before = m->rounding, ulps = 4.0 * DBL_EPSILON;
+  const double soon = 3e-9 + ulps * (double)end.time, ratio = 3.7;
+  double moved[MOST_SHAFTS], early[MOST_SHAFTS], late[MOST_SHAFTS];
+  int i;
+  if (!vs_displace(m, &end, 0.0, ulps, moved) || !vs_displace(m, &end, soon, 0.0, early) ||
+      !vs_displace(m, &end, ratio * soon, 0.0, late))
+    return 0;
+  for (i = 0; i < S; ++i) {
+    const double here = (double)end.acceleration[i];
+    const double size = seriesLarger(fabs(moved[i] - here),
+                                     fabs((early[i] - here) - (late[i] - here) * (1.0 / ratio)));
+    m->noise[i] = seriesLarger(m->noise[i], 2.0 * size);
+    m->rounding = seriesLarger(m->rounding, size / vs_tolerance(vs_series(m), here));
+  }
+  return m->rounding > seriesLarger(0.05, before);
+}
+
+/* Moves to theta or behind an event. *defect: see vs_defect; *why: what makes it infinite. */
 VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, double* defect,
-                                int* loses_rank) {
+                                scene_status* why) {
   const scene_series* const it = vs_series(m);
   scene_series* const next = &m->series[1 - m->present];
   const scene_state before = m->now;
@@ -187,8 +229,10 @@ VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, dou
     is_kink = is_kink || (s->form == VS_RAMP && s->age >= s->end);
   }
   *defect = it->is_implicit ? 0.0 : vs_defect(m, it, next, &expected, *theta, is_kink, behind);
-  *loses_rank = !vs_keeps_rank(m, it, next);
-  if (*loses_rank || vs_has_leapt(m, &before, &expected)) *defect = INFINITY;
+  *why = !vs_keeps_rank(m, it, next)           ? SCENE_SINGULAR
+         : vs_has_leapt(m, &before, &expected) ? SCENE_NOT_CONVERGED
+                                               : SCENE_OK;
+  if (*why != SCENE_OK) *defect = INFINITY;
   at->lost = isfinite(*defect) ? vs_lost_side(it, next) : -1;
   if (at->lost < 0) return SCENE_OK;
   /* (Accelerations that follow from the state show the jump, too.) */
@@ -201,7 +245,7 @@ VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, dou
 /* Moves to the end of an element's mode, where its condition is 0 by the state itself: the series
  * is off by what the step is. */
 VS_FUNCTION scene_status vs_land(scene_model* m, const vs_event* at, double* theta, double* defect,
-                                 int* loses_rank) {
+                                 scene_status* why) {
   const scene_series* const it = vs_series(m);
   const scene_state before = m->now;
   const double end = *theta * (1.0 + 2e-12);
@@ -211,7 +255,7 @@ VS_FUNCTION scene_status vs_land(scene_model* m, const vs_event* at, double* the
   none.guard = -1;
   *theta = at->theta;
   for (round = 0; round < 5; ++round) {
-    const scene_status status = vs_try(m, &none, theta, defect, loses_rank);
+    const scene_status status = vs_try(m, &none, theta, defect, why);
     double slope = 0.0, by, value;
     if (status != SCENE_OK || *defect > 1.0) return status;
     if (!vs_condition(m, &m->series[1 - m->present], at->element, at->condition, c)) break;
@@ -230,6 +274,7 @@ VS_FUNCTION scene_status vs_land(scene_model* m, const vs_event* at, double* the
 /* Polynomials of a step of at most `limit` s, by the method that was chosen. */
 VS_FUNCTION scene_status vs_find_polynomials(scene_model* m, double limit) {
   scene_status status;
+  if (!HAS_SERIES) return vs_expand_implicitly(m, limit);
   /* (Series make a step that is no longer than theirs.) */
   if (CHOOSES_METHOD && m->choice.method == VS_IMPLICIT && limit > m->choice.by_series) {
     status = vs_expand_implicitly(m, limit);
@@ -248,20 +293,32 @@ VS_FUNCTION scene_status vs_find_polynomials(scene_model* m, double limit) {
  * no guard passes before. They are known a little further. */
 VS_FUNCTION vs_event vs_find_first(scene_model* m, double* theta, scene_status* status) {
   enum { VS_MOST_ROUNDS = 10 };
-  const double further = 1.02;
-  int has_elements = !HOLDS, round = 0;
+  const double further = 1.02, ahead = 0.999;
+  const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time); /* s */
+  int has_elements = !HOLDS, round = 0, halvings = 0;
   vs_event at;
   *status = SCENE_OK;
   if (!vs_series(m)->is_implicit) return vs_find_event(m, vs_series(m), theta, -1, 1);
   for (;;) {
-    double end = further * *theta;
+    double end = further * *theta, h, reach;
     int is_met, is_inside;
     at = vs_find_event(m, vs_series(m), &end, -1, has_elements);
     is_met = at.guard >= 0 || at.element >= 0;
-    is_inside = is_met && at.theta > 0.0 && at.theta < *theta / further;
+    h = at.theta * vs_series(m)->unit * (at.guard >= 0 ? ahead : 1.0);
+    is_inside =
+        is_met && h >= least && (at.guard >= 0 ? at.theta <= *theta : at.theta < *theta / further);
+    reach = is_met && h > 2.0 * least ? seriesSmaller(at.theta, *theta) : *theta;
+    if (!HAS_SERIES && reach * vs_series(m)->unit > 2.0 * least && halvings < 40 &&
+        !vs_are_guards_shown(m, &at, reach)) {
+      h = m->choice.ahead = 0.5 * reach * vs_series(m)->unit;
+      ++m->rejections;
+      ++halvings;
+      is_inside = 1;
+      round = 0;
+    }
     if (is_inside && round++ < VS_MOST_ROUNDS) {
-      const double h = at.theta * vs_series(m)->unit;
       *status = vs_expand_implicitly(m, h);
+      if (*status != SCENE_OK && !HAS_SERIES) return at;
       if (*status != SCENE_OK) {
         vs_give_up_implicit(m);
         *status = vs_expand(m, h);
@@ -279,14 +336,14 @@ VS_FUNCTION vs_event vs_find_first(scene_model* m, double* theta, scene_status* 
 
 /* Moves to theta or over the event there. *is_smooth: 0 where another series begins behind it. */
 VS_FUNCTION scene_status vs_pass(scene_model* m, vs_event* at, double* theta, double* defect,
-                                 int* loses_rank, int* is_smooth) {
+                                 scene_status* why, int* is_smooth) {
   /* An event at which nothing jumps is passed like any other step's end. */
   int is_crossed = at->guard >= 0 && (at->jumps || HAS_ORDER_1 || (IS_CLASSICAL && IS_CURVED));
   scene_status status = SCENE_OK;
   int round;
   *is_smooth = !is_crossed;
   if (HOLDS && at->element >= 0) {
-    if (at->theta > 0.0) status = vs_land(m, at, theta, defect, loses_rank);
+    if (at->theta > 0.0) status = vs_land(m, at, theta, defect, why);
     if (at->theta == 0.0) *theta = 0.0;
     *is_smooth = 0;
     m->event = *theta;
@@ -301,7 +358,7 @@ VS_FUNCTION scene_status vs_pass(scene_model* m, vs_event* at, double* theta, do
       /* (Where it turns out not to be there, others may follow soon.) */
       *theta = *is_smooth ? seriesSmaller(*theta, crossed) : crossed;
     }
-    if (*is_smooth) status = vs_try(m, at, theta, defect, loses_rank);
+    if (*is_smooth) status = vs_try(m, at, theta, defect, why);
     if (!*is_smooth || status != SCENE_OK || at->lost < 0) break;
     vs_meet_lost(vs_series(m), &m->series[1 - m->present], at, *theta);
     is_crossed = 1;
@@ -310,10 +367,33 @@ VS_FUNCTION scene_status vs_pass(scene_model* m, vs_event* at, double* theta, do
   return status;
 }
 
+/* 1 when nothing that something reads leaves the tolerance around its value in a step to theta, 2
+ * when it does not change at all. (Angles that nothing reads turn on.) */
+VS_FUNCTION int vs_is_still(const scene_series* it, double theta) {
+  double most = 0.0;
+  int c, n;
+  for (c = FIRST_JUDGED; c < 2 * S + STATES; ++c) {
+    const Real* const x = it->row[c < 2 * S ? ANGLE + c : STATE + c - 2 * S];
+    double power = theta, sum = 0.0;
+    if (c >= 2 * S && !state_is_wanted[c - 2 * S]) continue;
+    for (n = 1; n <= it->order; ++n, power *= theta) sum += fabs(x[n]) * power;
+    if (!(sum <= vs_tolerance(it, x[0]))) return 0;
+    most = seriesLarger(most, sum);
+  }
+  return most > 0.0 ? 1 : 2;
+}
+
 /* The step to theta, of h s, has been made. */
 VS_FUNCTION scene_status vs_accept(scene_model* m, const vs_event* at, double theta, double h,
                                    int is_smooth) {
+  int rest;
   vs_choose_method(m, vs_series(m), h);
+  rest = RESTS && is_smooth ? vs_is_still(vs_series(m), theta) : 0;
+  if (rest == 0)
+    m->at_rest = 0.0;
+  else if (h >= seriesSmaller(1.0, 0.99 * MAXIMUM_STEP)) /* (Rounding drives a longer one.) */
+    m->at_rest =
+        seriesLarger(m->at_rest, rest > 1 ? 1e6 : seriesSmaller(2.0 * h, 100.0 * MAXIMUM_STEP));
   if (is_smooth) {
     m->present = 1 - m->present;
     m->begun = m->now;
@@ -326,23 +406,34 @@ VS_FUNCTION scene_status vs_accept(scene_model* m, const vs_event* at, double th
   return TRANSMITS && !is_smooth ? vs_decide(m, 0) : SCENE_OK;
 }
 
+VS_FUNCTION_INLINE void vs_forget_rounding(scene_model* m) {
+  int i;
+  if (m->rounding == 0.0) return;
+  m->rounding = 0.0;
+  for (i = 0; i < S; ++i) m->noise[i] = 0.0;
+}
+
 /* One step of at most `left` s; *made: how long it was. */
 VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made) {
   const double limit = vs_limit(m, left);
   const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time);
+  const double most_rounding = 50.0; /* tolerances of accelerations that follow from the state */
+  const int was_rounded = m->rounding > 1.0;
   const scene_state before = m->now;
   scene_status status = vs_find_polynomials(m, limit);
   double theta;
-  int loses_rank = 0, trial;
+  scene_status why = SCENE_OK;
+  int trial;
   if (status != SCENE_OK) return status;
   if (m->usual < least && m->usual < 1e-3 * limit) return SCENE_TOO_MANY_STEPS;
   theta = seriesSmaller(limit, m->usual) / vs_series(m)->unit;
+  vs_forget_rounding(m);
   for (trial = 0; trial < 60; ++trial) {
     double defect = 0.0, h, part;
     int is_met, is_smooth;
     vs_event at = vs_find_first(m, &theta, &status);
     if (status != SCENE_OK) return status;
-    status = vs_pass(m, &at, &theta, &defect, &loses_rank, &is_smooth);
+    status = vs_pass(m, &at, &theta, &defect, &why, &is_smooth);
     h = theta * vs_series(m)->unit;
     is_met = at.guard >= 0 || at.element >= 0;
     m->crossings = is_met && h <= 1e-9 * seriesLarger(1.0, m->now.time) ? m->crossings + 1 : 0;
@@ -352,6 +443,12 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
       return vs_accept(m, &at, theta, h, is_smooth);
     }
     ++m->rejections;
+    if ((trial % 4 == 2 || was_rounded || h < 1e-11 * seriesLarger(1.0, before.time)) &&
+        status == SCENE_OK && isfinite(defect) && vs_note_rounding(m)) {
+      m->now = before;
+      if (IS_CLASSICAL && m->rounding > most_rounding) return SCENE_TOO_MANY_STEPS;
+      continue;
+    }
     m->now = before;
     if (status == SCENE_NO_MOTION) return status;
     part = isfinite(defect) && status == SCENE_OK
@@ -366,6 +463,6 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
       theta = seriesSmaller(h, m->usual) / vs_series(m)->unit;
     }
   }
-  if (loses_rank) return SCENE_SINGULAR;
+  if (why != SCENE_OK) return why;
   return status == SCENE_OK ? SCENE_TOO_MANY_STEPS : status;
 }
