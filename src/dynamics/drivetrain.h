@@ -150,15 +150,6 @@ class Drivetrain {
     return true;
   }
 
-  /// See SceneProgram::loadMachineCode.
-  std::string loadMachineCode(const MoreCode& more, KernelLibrary::Missing missing,
-                              bool* compiled) {
-    return program_.loadMachineCode(more, missing, compiled);
-  }
-  bool shareMachineCode(const Drivetrain& other) {
-    return program_.shareMachineCode(other.program_);
-  }
-
   /// The switching functions of all components.
   const std::vector<GuardPtr>& guards() const { return guards_; }
   /// The owner of a switching function: the index of a torque or of a constraint, the other one -1.

@@ -5,24 +5,13 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cstddef>
-#include <memory>
-#include <string>
 #include <vector>
 
-#include "dynamics/program.h"
-#include "expression/c_code.h"
-#include "machine_code/kernel_library.h"
+#include "variator_sim/expression/tape.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
-
-/// Code of another part in the same library; `use` tells whether it is there and right.
-struct MoreCode {
-  std::string source;
-  KernelLibrary::Check use;
-};
 
 /// `scene` has to outlive it. Evaluations are [loop].
 class SceneProgram {
@@ -76,55 +65,23 @@ class SceneProgram {
   /// singly.
   bool hasPartials() const { return has_partials_; }
 
-  /// Switches to machine code, which changes no bit. Returns an empty reason on success; then
-  /// `compiled` tells whether it had to be compiled. What has `more` code switches as well. Not in
-  /// the loop.
-  std::string loadMachineCode(const MoreCode& more, KernelLibrary::Missing missing, bool* compiled);
-  /// Switches to the machine code of `other`, if its scene differs in numbers alone. Not in the
-  /// loop.
-  bool shareMachineCode(const SceneProgram& other);
-  /// Returns the C source; empty if a law reads an opaque function.
-  std::string writeSource(const MoreCode& more = {}) const;
-
  private:
-  void copyPrograms(const SceneProgram& like);
   /// Makes the programs of the constraints, with Q'.
   void makeRows(const std::vector<expression::Node>& rate);
   void makePartials(const std::vector<expression::Node>& rate);
 
-  /// The functions of the code, in the order in which they are written.
-  struct Part {
-    const char* name;
-    Program SceneProgram::*program;
-  };
-  static const std::array<Part, 8>& parts();
-  /// Adds the functions of the selected parts.
-  template <class IsWanted>
-  void writeParts(const IsWanted& is_wanted, std::string* source) const;
-  /// Notes the structure of the code.
-  void noteStructure();
-  /// Returns false if the code is missing.
-  bool use(const std::shared_ptr<KernelLibrary>& library);
-  bool agreesWithInterpreter();
-  void interpret();
-
   const Scene& scene_;
   const int S;  // shafts
-  Program torque_;
-  Program rate_;
-  Program rows_;
-  Program rate_and_rows_;
-  Program velocity_level_;
-  Program acceleration_level_;
-  Program rate_and_level_;
-  Program partials_program_;
+  expression::Tape torque_;
+  expression::Tape rate_;
+  expression::Tape rows_;
+  expression::Tape rate_and_rows_;
+  expression::Tape velocity_level_;
+  expression::Tape acceleration_level_;
+  expression::Tape rate_and_level_;
+  expression::Tape partials_program_;
   std::vector<Partial> partials_;
   bool has_partials_ = false;
-  std::shared_ptr<KernelLibrary> library_;
-  expression::CodeStructure structure_;
-  std::vector<const void*> tables_;
-  std::vector<const void*> tables2_;
-  KernelTables host_{};
 };
 
 }  // namespace variator_sim

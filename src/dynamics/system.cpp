@@ -19,17 +19,6 @@ bool fits(const System* like, const Scene& scene) {
   return like != nullptr && haveSameElements(scene, like->scene());
 }
 
-void requireSeries(const Scene& scene, bool exist) {
-  const StepperKind stepper = scene.solver.stepper;
-  if (exist || (stepper != StepperKind::kTaylor && stepper != StepperKind::kTaylorFixed)) return;
-  throw SceneError("solver/stepper",
-                   std::string("'") + toString(stepper) +
-                       "' needs a motion that has power series, and this one has none: an "
-                       "element is no formula (a plugin with a law or a function of its own), or "
-                       "a constraint of order 3 is under the principle 'gauss'; allowed here: "
-                       "auto and all the others");
-}
-
 }  // namespace
 
 System::Form System::formOf(const Scene& scene) {
@@ -47,12 +36,11 @@ System::System(const Scene& scene, const Shortcuts& shortcuts, const System* lik
       accelerations_(drivetrain_, initial_solver_),
       reaction_(drivetrain_, {scene.solver.absolute_tolerance, scene.solver.relative_tolerance},
                 form_ == Form::kJerk),
-      series_(SceneSeries::make(scene, drivetrain_.signals())),
+      series_(shortcuts.has_series ? SceneSeries::make(scene, drivetrain_.signals()) : nullptr),
       derive_(chooseDerive(shortcuts)) {
   const bool is_jerk = form_ == Form::kJerk;
   keeps_constraints_in_stages_ = drivetrain_.canKeepConstraintsInStages() &&
                                  (is_jerk || (!integratesTorque() && accelerations_.isLinear()));
-  requireSeries(scene, series() != nullptr);
 }
 
 // --- x' ------------------------------------------------------------------------------------------

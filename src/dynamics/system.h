@@ -31,8 +31,7 @@ class StageWatch {
 class System {
  public:
   /// `scene` has to outlive it. Where the scene of `like` has the very same elements, its programs
-  /// are copied and not made again. Throws SceneError where the scene's stepper needs series and
-  /// there are none.
+  /// are copied and not made again.
   explicit System(const Scene& scene, const Shortcuts& shortcuts = {},
                   const System* like = nullptr);
   System(const System&) = delete;
@@ -67,7 +66,7 @@ class System {
   /// The motion as power series; nullptr where it has none. In a corner of psi the motion is
   /// another one than that of its formula.
   SceneSeries* series() const {
-    const bool has_none = series_ == nullptr || !series_->hasExpansion() || isInCorner();
+    const bool has_none = series_ == nullptr || form_ == Form::kFormalJerk || isInCorner();
     return has_none ? nullptr : series_.get();
   }
   /// Its formulas as series, for steps of other schemes; nullptr where some are none.

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "integrate/diagnosis.h"
+#include "motion/diagnosis.h"
 
 namespace variator_sim {
 
@@ -85,7 +85,7 @@ void CurrentStep::stopChattering(int guard) {
 
 void CurrentStep::explainStop(StopReason otherwise) {
   stop(otherwise);
-  diagnoseStop(system, end, rows, &status);
+  diagnoseStop(system, end, rows.references(), &status);
 }
 
 }  // namespace variator_sim

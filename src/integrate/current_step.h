@@ -4,11 +4,11 @@
 #include <cmath>
 
 #include "dynamics/system.h"
-#include "integrate/progress.h"
 #include "integrate/row_watch.h"
 #include "integrate/step_checks.h"
 #include "integrate/stepper_choice.h"
-#include "integrate/time_origin.h"
+#include "motion/progress.h"
+#include "motion/time_origin.h"
 
 namespace variator_sim {
 
@@ -20,8 +20,7 @@ inline double shortestStep(double time) {
 /// How the motion goes on from the start of the step.
 enum class StepPhase {
   kStepping,  ///< to its end, by the stepper
-  kCrossing,  ///< to its end, over an event, by a series
-  kSleeping   ///< from its end on, at rest, without being stepped
+  kCrossing   ///< to its end, over an event, by a series
 };
 
 /// All are [loop].

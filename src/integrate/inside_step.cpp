@@ -21,9 +21,6 @@ bool InsideStep::calcUnstepped(double* now, State& x) {
         *now = end_.time;
       }
       return true;
-    case StepPhase::kSleeping:
-      sleep_.calcState(*now, x);
-      return true;
   }
   return false;
 }

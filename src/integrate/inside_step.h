@@ -3,15 +3,13 @@
 
 #include "integrate/current_step.h"
 #include "integrate/guard_search.h"
-#include "integrate/rest.h"
 
 namespace variator_sim {
 
 /// All are [loop].
 class InsideStep : private StepPart {
  public:
-  InsideStep(CurrentStep& step, const GuardSearch& guards, const Sleep& sleep)
-      : StepPart(step), guards_(guards), sleep_(sleep) {}
+  InsideStep(CurrentStep& step, const GuardSearch& guards) : StepPart(step), guards_(guards) {}
 
   /// True when `now` lies within the last step, and not at its end.
   bool contains(double now) const { return start_.time < end_.time && now != end_.time; }
@@ -42,7 +40,6 @@ class InsideStep : private StepPart {
   static constexpr double kLargerAtStart = 2.5;
 
   const GuardSearch& guards_;
-  const Sleep& sleep_;
 };
 
 }  // namespace variator_sim

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "integrate/diagnosis.h"
+#include "motion/diagnosis.h"
 
 namespace variator_sim {
 namespace {
@@ -41,9 +41,8 @@ Integrator::Integrator(System& system, const Scene& scene)
       crossing_(step_, scene, guards_),
       events_(step_, guards_, crossing_),
       size_(step_),
-      sleep_(step_),
       trials_(step_, guards_, crossing_, events_, size_),
-      inside_(step_, guards_, sleep_) {}
+      inside_(step_, guards_) {}
 
 void Integrator::reset() {
   step_.status = MotionStatus{};
@@ -120,52 +119,6 @@ void Integrator::beginFrom(double time, const State& x, const double* epsilon,
   step_.is_at_start = false;
 }
 
-void Integrator::goOnFrom(const TimeOrigin& origin, const State& x, const double* epsilon,
-                          const double* longest_rows) {
-  crossing_.reset();
-  step_.checks.reset();
-  step_.rows.reset();
-  step_.origin = origin;
-  placeEnd(x, epsilon);
-  for (int m = 0; m < step_.drivetrain.constraintCount(); ++m) {
-    step_.rows.remember(m, longest_rows[m]);
-  }
-  step_.is_at_start = false;
-  restart();
-}
-
-void Integrator::settle(double h) {
-  if (!step_.status.ok() || !step_.choice.settle()) return;
-  step_.stepper = &step_.choice.stepper();
-  size_.forgetErrors();
-  step_.next_length = h;
-}
-
-void Integrator::giveUpSeries() {
-  if (!step_.status.ok() || !step_.choice.giveUp()) return;
-  step_.stepper = &step_.choice.stepper();
-  size_.forgetErrors();
-  step_.next_length = size_.chooseFirst();
-}
-
-void Integrator::describeEnd(double* state, double* multiplier, double* longest_rows) {
-  const StepNode& end = step_.end;
-  std::copy(end.x.begin(), end.x.end(), state);
-  if (!step_.integrates_torque) {
-    std::copy_n(end.dxdt.begin() + step_.S, step_.S, state + 2 * step_.S);
-    step_.system.accelerations().calcMultipliers(step_.viewOf(end), multiplier);
-  }
-  for (int m = 0; m < step_.drivetrain.constraintCount(); ++m) {
-    longest_rows[m] = step_.rows.reference(m);
-  }
-}
-
-bool Integrator::mayStepBySeries() const {
-  return step_.status.ok() && step_.phase == StepPhase::kStepping && !crossing_.isEndOnEvent() &&
-         step_.choice.mayBeProgram() &&
-         step_.drivetrain.inputSegmentEnd() > step_.end.time + shortestStep(step_.end.time);
-}
-
 MotionState::History Integrator::history() const {
   MotionState::History history;
   history.exists = true;
@@ -203,7 +156,6 @@ void Integrator::moveOrigin(double t) {
 void Integrator::restart() {
   step_.phase = StepPhase::kStepping;
   crossing_.restart();
-  sleep_.reset();
   step_.choice.restart();
   step_.stepper = &step_.choice.stepper();
   moveOrigin(step_.end.time);
@@ -273,8 +225,6 @@ bool Integrator::finishInputSegments() {
 }
 
 bool Integrator::attempt() {
-  // Before a long step: a controller's machine is to be seen at rest at once.
-  if (step_.start.time == step_.end.time && sleep_.beginExactly()) return true;
   step_.start = step_.end;
   step_.system.noteBase(step_.start.time, step_.start.x, step_.start.dxdt);
   step_.stepper = &step_.choice.stepper();
@@ -311,18 +261,8 @@ void Integrator::conclude() {
     if (!step_.integrates_torque) step_.checks.noteTorque(step_.end);
     return;
   }
-  if (isSleeping()) return;
-  const bool is_stepped = step_.phase == StepPhase::kStepping;
-  if (is_stepped && step_.stepper->isImplicit()) ++step_.statistics.implicit_steps;
-  // A motion may come to rest on an event that it crosses again and again.
-  double rate = 0.0;
-  if (sleep_.beginAfterStep(&rate) || !is_stepped) return;
-  if (step_.settings.sleep &&
-      step_.choice.settle(step_.end, rate * (step_.end.time - step_.start.time),
-                          step_.drivetrain.readsTime())) {
-    size_.forgetErrors();
-    return;
-  }
+  if (step_.phase != StepPhase::kStepping) return;
+  if (step_.stepper->isImplicit()) ++step_.statistics.implicit_steps;
   if (!step_.choice.isAutomatic()) return;
   const double limit =
       std::min(step_.settings.maximum_step, step_.drivetrain.inputSegmentEnd() - step_.end.time);
@@ -345,14 +285,6 @@ void Integrator::stopAtBadValue(double time, double t, const State& x) {
 void Integrator::exhaustTime(double time) {
   step_.status.reason = StopReason::kTimeExhausted;
   step_.status.time = time;
-}
-
-bool Integrator::finishSleep() {
-  if (!countStep()) return false;  // terms may be as short as steps
-  sleep_.finish();
-  restart();
-  if (step_.status.ok()) sleep_.begin();
-  return step_.status.ok();
 }
 
 }  // namespace variator_sim

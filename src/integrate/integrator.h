@@ -8,7 +8,7 @@
 ///                 judge     the estimate, the move, what no stage has seen    (StepChecks)
 ///                 locate    events inside: the step is to end before the first one (EventHandler)
 ///                 shorter   by the worst of these, or to where an event is
-///     after:    the next length, another stepper (StepperChoice), rest (Sleep)
+///     after:    the next length, another stepper (StepperChoice)
 ///
 /// Steps of fixed size go through the same loop: theirs is accepted when it exists. Over an event
 /// the motion is a series (EventCrossing), at rest it is not stepped at all (StepPhase): both
@@ -21,7 +21,6 @@
 #include "integrate/event_handler.h"
 #include "integrate/guard_search.h"
 #include "integrate/inside_step.h"
-#include "integrate/rest.h"
 #include "integrate/step_size.h"
 #include "integrate/trial_steps.h"
 #include "variator_sim/motion_state.h"
@@ -61,32 +60,6 @@ class Integrator {
   /// `epsilon`; inputs are as they are. Nothing of what this one has had before counts.
   void beginFrom(double time, const State& x, const double* epsilon,
                  const MotionState::History& history);
-  /// The same motion goes on at `origin`, where another way of stepping has brought it: what is
-  /// known of its stiffness stays.
-  void goOnFrom(const TimeOrigin& origin, const State& x, const double* epsilon,
-                const double* longest_rows);
-  /// Near rest: lets an implicit stepper of `auto` go on, from steps of h s on.
-  void settle(double h);
-  /// Lets an implicit stepper go on where no series does.
-  void giveUpSeries();
-  /// Notes the rounding of a state x that the motion has reached elsewhere at `time`.
-  void noteRounding(double time, const State& x) {
-    step_.checks.noteProjectionRounding(step_.relative(time), x);
-  }
-  /// Stops the motion, whose steps get nowhere, and finds out why.
-  void stopStuck() {
-    step_.explainStop();
-    step_.status.time = step_.absolute(step_.end.time);
-  }
-  /// Writes the state, accelerations included, at the end of the step, the multipliers of gauss and
-  /// the squares of the greatest lengths of C's rows.
-  void describeEnd(double* state, double* multiplier, double* longest_rows);
-  /// True when the scene's steps begin by series, each of its own length.
-  bool stepsBySeries() const { return !step_.choice.isFixed() && step_.stepper->stepsBySeries(); }
-  /// True where steps by series may go on from the end of the step, and nothing is due there.
-  bool mayStepBySeries() const;
-  /// True when the motion is at rest at the end of the step, and sleeps from there on.
-  bool sleepExactly() { return sleep_.beginExactly(); }
   /// Returns what the motion has behind it, but for its energy.
   MotionState::History history() const;
   /// There is no motion for the reason in `status`; x is where it would have begun.
@@ -122,15 +95,6 @@ class Integrator {
   /// Stops the motion for want of time behind `time`.
   void exhaustTime(double time);
 
-  // --- rest ------------------------------------------------------------------------------------
-  bool isSleeping() const { return step_.phase == StepPhase::kSleeping; }
-  /// Until when nothing is stepped.
-  double sleepEnd() const { return sleep_.end(); }
-  /// The motion sleeps on from the end of its rest, or is stepped again. False when it stopped.
-  bool finishSleep();
-  /// x at `time` of a motion at rest.
-  void calcRest(double time, State& x) const { sleep_.calcState(time, x); }
-
  private:
   // The three beats of a step. False when the motion stopped.
   bool prepare();
@@ -151,7 +115,6 @@ class Integrator {
   EventCrossing crossing_;
   EventHandler events_;
   StepSize size_;
-  Sleep sleep_;
   TrialSteps trials_;
   InsideStep inside_;
   bool starts_implicitly_ = false;

@@ -43,6 +43,7 @@ class RowWatch {
   double measure() const { return measure_; }
   /// Squared length of the longest that row m has been.
   double reference(int m) const { return reference_[m]; }
+  const double* references() const { return reference_; }
   /// C at the last end of a step that was good.
   const Row* rows() const { return rows_; }
 

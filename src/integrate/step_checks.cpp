@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "integrate/time_origin.h"
+#include "motion/time_origin.h"
 
 namespace variator_sim {
 

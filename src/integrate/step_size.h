@@ -1,9 +1,9 @@
 /// How long the next step is.
 #pragma once
 
-#include "integrate/command_rhythm.h"
 #include "integrate/current_step.h"
 #include "integrate/step_control.h"
+#include "motion/command_rhythm.h"
 
 namespace variator_sim {
 

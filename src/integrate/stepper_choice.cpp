@@ -35,9 +35,7 @@ std::string StepperChoice::describe() const {
     text << ", as there is no power series here";
   } else {
     text << ", as stability limited the steps of " << first_.outer->name()
-         << (why_ == Why::kNearRest ? " near rest"
-             : switches_ == 0       ? " at the start"
-                                    : "");
+         << (switches_ == 0 ? " at the start" : "");
   }
   if (switches_ > 0) text << "; changed " << switches_ << (switches_ == 1 ? " time" : " times");
   text << ")";
@@ -74,7 +72,6 @@ void StepperChoice::restart() {
   if (challenged_ != nullptr) giveUpTrial();
   if (why_ != Why::kStiff) active_ = &first_;
   why_ = Why::kStiff;
-  settling_ = 0;
   suspicions_ = 0;
   quiet_ = 0;
   unseen_ = 0;
@@ -104,20 +101,6 @@ bool StepperChoice::giveUp() {
   return true;
 }
 
-bool StepperChoice::settle(const StepNode& node, double change, bool is_driven) {
-  const bool near_rest = change <= (is_driven ? kNearStandstill : kNearRest) &&
-                         active_->outer->stiffness(node.x, node.dxdt) > mildly();
-  settling_ = near_rest ? settling_ + 1 : 0;
-  return settling_ >= kSettling && settle();
-}
-
-bool StepperChoice::settle() {
-  if (!automatic_ || active_ == &implicit_) return false;
-  goOverTo(&implicit_);
-  why_ = Why::kNearRest;
-  return true;
-}
-
 bool StepperChoice::reconsider(System& system, const StepNode& node, double limit, double* h) {
   if (challenged_ != nullptr) return judgeImplicit(limit, h);
   if (active_ == &implicit_) return considerExplicit(system, node, limit, h);
@@ -126,7 +109,7 @@ bool StepperChoice::reconsider(System& system, const StepNode& node, double limi
 
 bool StepperChoice::considerImplicit(const StepNode& node, double h) {
   // A motion that shows no sign of stiffness is not examined at every step.
-  if (suspicions_ == 0 && settling_ == 0 && ++unseen_ < kUnseen) return false;
+  if (suspicions_ == 0 && ++unseen_ < kUnseen) return false;
   unseen_ = 0;
   if (!addSuspicion(active_->outer->stiffness(node.x, node.dxdt))) return false;
   challenged_ = active_;
@@ -142,7 +125,6 @@ bool StepperChoice::addSuspicion(double stiffness) {
     return false;
   }
   quiet_ = 0;
-  if (settling_ > 0) return false;  // of which `settle` decides
   suspicions_ += stiffness > 1.0 ? kStrong : 1;
   if (suspicions_ < wait_) return false;
   suspicions_ = 0;

@@ -17,9 +17,6 @@
 ///   error of the tolerance's size, which an implicit step damps and its error estimate sees.
 /// - A step that has to be repeated kMaxRejections times (trial_steps.h) goes to radau; from
 ///   implicit ones on trial back to where they came from.
-/// - Near rest (kSettling steps in a row that stability limits and that change the state by some
-///   tolerances only) it goes to radau without a trial, and back at the next command: the error of
-///   explicit steps at the bound of stability would keep the motion from ever coming to rest.
 /// - From time to time (kFirstTrial implicit steps, doubled after every trial that fails) it tries
 ///   one step by what it started with in the same way, and goes back when that gets further.
 /// All of it depends on the motion only, so it repeats to the bit.
@@ -42,12 +39,8 @@ class StepperChoice {
   StepperChoice(const System& system, const SolverSettings& settings);
 
   bool isAutomatic() const { return automatic_; }
-  /// True when `auto` steps implicitly, and not only because it nears rest.
+  /// True when `auto` steps implicitly.
   bool isImplicit() const { return active_ == &implicit_ && why_ == Why::kStiff; }
-  /// True where a scene's program may make the steps, by series or implicitly.
-  bool mayBeProgram() const {
-    return stepper().stepsBySeries() || (stepper().isImplicit() && why_ == Why::kStiff);
-  }
   /// True when steps have the size that the scene gives, whatever their error.
   bool isFixed() const { return fixed_; }
   /// Makes the steps.
@@ -75,13 +68,6 @@ class StepperChoice {
   bool leaveSeries();
   /// The stepper gets nowhere: true when another one takes over.
   bool giveUp();
-
-  /// After an accepted step to `node` of a motion, which is driven or may come to rest, in which x
-  /// changed by `change` tolerances: true when the implicit stepper takes over to let it settle.
-  /// [loop]
-  bool settle(const StepNode& node, double change, bool is_driven);
-  /// The same where steps made elsewhere have come near rest.
-  bool settle();
 
   /// After an accepted step to `node`, the next one to be of size `h`: true when the stepper was
   /// changed, `h` then being its step. [loop]
@@ -119,11 +105,6 @@ class StepperChoice {
   static constexpr int kQuiet = 6;
   static constexpr int kUnseen = 8;
   static constexpr double kStiffStart = 20.0;
-  /// Changes of x per step, in tolerances, that are near rest or, of a motion that is driven and
-  /// may be slow only, near a standstill; and so many steps of them.
-  static constexpr double kNearRest = 100.0;
-  static constexpr double kNearStandstill = 0.01;
-  static constexpr int kSettling = 10;
   /// Implicit steps before a series that did not exist is tried again.
   static constexpr int kAround = 10;
   static constexpr int kFirstTrial = 25;
@@ -145,9 +126,8 @@ class StepperChoice {
   int quiet_ = 0;
   int unseen_ = 0;  ///< steps since it was last asked for
   /// Reasons for implicit steps. All but the first one end with the next command.
-  enum class Why { kStiff, kNearRest, kNoSeries };
+  enum class Why { kStiff, kNoSeries };
   Why why_ = Why::kStiff;
-  int settling_ = 0;
   int wait_ = kSuspicions;
   int steps_since_trial_ = 0;
   int trial_interval_ = kFirstTrial;

@@ -96,9 +96,14 @@ bool TrialSteps::isHiding(Trial& trial, double norm) {
 }
 
 TrialSteps::Trial TrialSteps::first() {
+  constexpr double kLongestRest = 1e6;  // s
   Trial trial;
   trial.segment_end = size_.endOfReach();
   trial.length = std::min(step_.next_length, step_.settings.maximum_step);
+  // (Angles that nothing reads go on at constant speed.)
+  const bool is_still = std::all_of(start_.dxdt.begin() + (system_.readsAngles() ? 0 : S),
+                                    start_.dxdt.end(), [](double rate) { return rate == 0.0; });
+  if (is_still && step_.settings.sleep && !drivetrain_.readsTime()) trial.length = kLongestRest;
   if (step_.choice.isFixed()) {
     // Multiples of the step, not sums of it: no rounding piles up.
     // (A step across an event may have gone a little beyond the next one.)
