@@ -51,27 +51,7 @@ void EnergyMeter::noteStep() {
   if (is_watched_) watch(to.time, to.x.data(), integrator_.rows());
 }
 
-void EnergyMeter::noteStepElsewhere(double time, double work, double through, const double* x,
-                                    const double (*rows)[kMaxShafts]) {
-  applied_before_ = account_.applied;
-  before_ = doubtAtFront();
-  account_.throughput += through;
-  account_.applied += work;
-  if (is_watched_) watch(time - drivetrain_.origin(), x, rows);
-}
-
-void EnergyMeter::cutElsewhere(double time, double applied, double less) {
-  account_.applied = applied_before_ = applied;
-  account_.throughput -= less;
-  judged_at_ = time;
-  before_ = doubtAtFront();
-}
-
 void EnergyMeter::cut(const StepNode& present) {
-  if (integrator_.isSleeping()) {
-    account_.applied = calcAppliedAtRest(present.x);
-    return;
-  }
   const StepNode& from = integrator_.stepStart();
   const double h = present.time - from.time;
   StepNode end = present;
@@ -92,23 +72,9 @@ void EnergyMeter::cut(const StepNode& present) {
 }
 
 double EnergyMeter::calcApplied(double now) const {
-  if (integrator_.isSleeping()) {
-    State x(integrator_.stepEnd().x.size());
-    integrator_.calcRest(now, x);
-    return calcAppliedAtRest(x);
-  }
   if (!integrator_.inside().contains(now)) return account_.applied;
   const double begin = integrator_.stepStart().time;
   return applied_before_ + calcWork((now - begin) / (integrator_.stepEnd().time - begin));
-}
-
-double EnergyMeter::calcAppliedAtRest(const State& x) const {
-  const StepNode& from = integrator_.stepEnd();
-  double Q[kMaxShafts];
-  calcTorque(from.time, from.x, Q);
-  double work = 0.0;
-  for (int i = 0; i < S; ++i) work += Q[i] * (x[i] - from.x[i]);
-  return account_.applied + work;
 }
 
 double EnergyMeter::calcWork(double part) const {

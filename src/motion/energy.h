@@ -74,14 +74,7 @@ class EnergyMeter {
 
   /// Accounts for a step of the integrator; Q and Q' at both of its ends are known.
   void noteStep();
-  /// Accounts for a step that is made elsewhere: `work` and `through`, the integrals of sum Q_i
-  /// omega_i and its magnitudes, J, up to `time`, s since the start, and the state x there.
-  void noteStepElsewhere(double time, double work, double through, const double* x,
-                         const double (*rows)[kMaxShafts]);
-  /// Cuts that step at `time`: `applied` until then, and its throughput less by `less`, J.
-  void cutElsewhere(double time, double applied, double less);
-  bool isWatched() const { return is_watched_; }
-  /// Continues from `present`, which the motion has reached in its last step or at equilibrium;
+  /// Continues from `present`, which the motion has reached in its last step;
   /// inputs are still those of that step.
   void cut(const StepNode& present);
 
@@ -111,9 +104,8 @@ class EnergyMeter {
   /// Returns the trapezoid with end corrections, of order 4; without them if the rates are too
   /// steep for a step of this size.
   static double estimateWork(double h, const Power& begin, const Power& end);
-  /// Returns the applied energy at `now`, J; of a motion at equilibrium, with the angles of x.
+  /// Returns the applied energy at `now`, J.
   double calcApplied(double now) const;
-  double calcAppliedAtRest(const State& x) const;
 
   EnergyDoubt doubtAtFront() const {
     return {account_.doubt_since, judged_at_, account_.reactions, account_.throughput};

@@ -26,12 +26,6 @@ Motion::Motion(Scene its_scene, const Shortcuts& shortcuts, const Motion* like)
   }
 }
 
-bool Motion::shareMachineCode(const MotionBase& other) {
-  const auto* const like = dynamic_cast<const Motion*>(&other);
-  if (like == nullptr) return false;
-  return drivetrain.shareMachineCode(like->drivetrain);
-}
-
 // --- start -----------------------------------------------------------------------------------
 
 void Motion::reset() {
@@ -75,23 +69,11 @@ void Motion::recover() {
 }
 
 bool Motion::isMadeUpTo(double end) const {
-  const double relative = integrator.origin().relative(end);
-  return integrator.stepEnd().time >= relative ||
-         (integrator.isSleeping() && relative < integrator.sleepEnd());
+  return integrator.stepEnd().time >= integrator.origin().relative(end);
 }
 
 bool Motion::step(double /*end*/) {
-  bool goes_on = false;
-  if (integrator.isSleeping()) {
-    StepNode wake = integrator.stepEnd();
-    wake.time = integrator.sleepEnd();
-    integrator.calcRest(wake.time, wake.x);
-    energy_meter.cut(wake);
-    goes_on = integrator.finishSleep();
-  } else {
-    goes_on = integrator.step();
-  }
-  if (!goes_on) return false;
+  if (!integrator.step()) return false;
   energy_meter.noteStep();
   return integrator.finishEnd();
 }
@@ -107,7 +89,7 @@ double Motion::lastInside() const {
 
 bool Motion::cutStep(StepNode* node) {
   *node = integrator.stepEnd();
-  if (!integrator.isSleeping() && !integrator.inside().contains(presentTime())) return true;
+  if (!integrator.inside().contains(presentTime())) return true;
   if (!integrator.inside().reach(presentTime(), node)) {
     time = status().time;
     return false;
@@ -208,18 +190,12 @@ std::vector<std::string> Motion::skips() const {
         "torque rates in the stages and stepped accelerations (the principle gives them)");
   }
   if (!drivetrain.readsTime()) {
-    skips.emplace_back(scene.solver.sleep ? "anything at rest until a command (no explicit time)"
-                                          : "derivatives by time (no explicit time)");
+    skips.emplace_back("derivatives by time (no explicit time)");
   }
   if (system.isSpecialized()) {
     skips.emplace_back("loops over shafts and constraints (two and one)");
   }
   return skips;
-}
-
-std::string Motion::loadCodeWith(const MoreCode& more, KernelLibrary::Missing missing,
-                                 bool* compiled) {
-  return drivetrain.loadMachineCode(more, missing, compiled);
 }
 
 }  // namespace variator_sim

@@ -5,8 +5,8 @@
 #include <string>
 
 #include "dynamics/system.h"
-#include "integrate/diagnosis.h"
 #include "integrate/integrator.h"
+#include "motion/diagnosis.h"
 #include "motion/energy.h"
 #include "motion/motion_base.h"
 
@@ -22,7 +22,7 @@ struct Motion final : MotionBase {
   const MotionStatus& status() const override { return integrator.status(); }
   Statistics& statistics() override;
   void reset() override;
-  bool isSleeping() const override { return integrator.isSleeping(); }
+  bool isSleeping() const override { return false; }
   double frontTime() const override {
     return integrator.origin().absolute(integrator.stepEnd().time);
   }
@@ -39,11 +39,10 @@ struct Motion final : MotionBase {
   const char* stepperName() const override { return integrator.choice().stepper().name(); }
   std::string describeStepper() const override { return integrator.choice().describe(); }
   std::vector<std::string> skips() const override;
-  std::string loadCode(KernelLibrary::Missing missing, bool* compiled) override {
-    return loadCodeWith({}, missing, compiled);
+  std::string loadCode(KernelLibrary::Missing /*missing*/, bool* /*compiled*/) override {
+    return "steps by '" + std::string(stepperName()) + "' are interpreted";
   }
-  std::string loadCodeWith(const MoreCode& more, KernelLibrary::Missing missing, bool* compiled);
-  bool shareMachineCode(const MotionBase& other) override;
+  bool shareMachineCode(const MotionBase& /*other*/) override { return false; }
   /// Returns the current time as nodes count it.
   double presentTime() const { return integrator.origin().relative(time); }
 
@@ -60,8 +59,6 @@ struct Motion final : MotionBase {
   EnergyMeter energy_meter;
 
  private:
-  friend class ProgramMotion;
-
   double signalTime() const override { return presentTime(); }
   bool isStart() const override { return integrator.isStart(); }
   void leaveStart() override { integrator.leaveStart(); }

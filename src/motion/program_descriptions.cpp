@@ -29,7 +29,17 @@ void ProgramMotion::throwInitialError(scene_status status) {
 }
 
 std::vector<std::string> ProgramMotion::skips() const {
-  return motion_ != nullptr ? motion_->skips() : std::vector<std::string>{};
+  std::vector<std::string> skips;
+  if (program_->FIRST_JUDGED > 0) {
+    skips.emplace_back("derivatives by the angles (nothing reads them)");
+  }
+  if (program_->INERTIA_VARIES == 0) {
+    skips.emplace_back("inertial torques and connection (J is constant)");
+  }
+  if (program_->RESTS != 0) {
+    skips.emplace_back("nearly all steps at rest until a command (no explicit time)");
+  }
+  return skips;
 }
 
 void ProgramMotion::throwInitialMode() {
@@ -77,16 +87,18 @@ std::string ProgramMotion::findCulprit(const StateView& state, MotionStatus* tol
 }
 
 std::string ProgramMotion::describeStop() {
-  if (motion_ != nullptr) {
-    integrated().forgetSample();
-    return motion_->describeStop();
-  }
   if (status_.ok()) return "";
   const StateView state = view();
   Inertia inertia(scene.inertia, scene.inertia_harmonics);
   if (!inertia.isConstant()) inertia.update(state.angle);
   MotionStatus told = status_;
-  const std::string function = findCulprit(state, &told);
+  std::string function;
+  if (finder_ == nullptr || told.reason == StopReason::kChattering) {
+    function = findCulprit(state, &told);
+  } else if (told.guard >= 0) {
+    const auto guard = static_cast<std::size_t>(told.guard);
+    function = finder_->system().drivetrain().guards()[guard]->function();
+  }
   std::ostringstream text;
   text << variator_sim::describeStop(scene, told, state, inertia, function);
   const int event = it_.passed - program_->FIRST_EVENT;
@@ -118,14 +130,14 @@ std::string ProgramMotion::describeStop() {
 std::string ProgramMotion::describeStepper() const {
   if (scene.solver.stepper != StepperKind::kAuto)
     return std::string(stepperName()) + " (as the scene says)";
-  if (is_integrated_) return motion_->describeStepper();
   std::string text =
       isImplicit()
           ? "auto (radau, as stability limited the steps of taylor"
           : "auto (taylor, the series of this scene; radau when stability limits its steps";
-  if (isImplicit() && switches() == 0) text += " at the start";
-  if (switches() > 0)
-    text += "; changed " + std::to_string(switches()) + (switches() == 1 ? " time" : " times");
+  if (isImplicit() && statistics_.stepper_switches == 0) text += " at the start";
+  const std::uint64_t switches = statistics_.stepper_switches;
+  if (switches > 0)
+    text += "; changed " + std::to_string(switches) + (switches == 1 ? " time" : " times");
   return text + ")";
 }
 
@@ -142,11 +154,7 @@ bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
   scene_status status[2];
   int n = 0;
   for (HostedMotion* const tried : {interpreted.get(), compiled.get()}) {
-    if (is_integrated_) {
-      describeIntegrated();
-    } else {
-      host_->leave(&it_);
-    }
+    host_->leave(&it_);
     vs_exchange from = it_;
     MotionPast past(*program_);  // its own: steps add to it
     past.restore(past_.save());
@@ -167,17 +175,14 @@ bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
   if (!is_right) return false;
   next_host_ = std::move(compiled);
   library_ = library;
-  if (motion_ != nullptr && motion_->system.formulas() != nullptr)
-    motion_->system.formulas()->use(library);
   return true;
 }
 
 std::string ProgramMotion::loadCode(KernelLibrary::Missing missing, bool* compiled) {
-  const MoreCode code = {program_->writeKernel(), [this](const auto& made) { return use(made); }};
-  if (motion_ != nullptr) return motion_->loadCodeWith(code, missing, compiled);
+  if (program_->HAS_SERIES == 0) return "a law reads a function that is not a formula";
   std::string reason;
-  const auto library =
-      KernelLibrary::load(KernelLibrary::kUnits + code.source, missing, &reason, code.use);
+  const auto library = KernelLibrary::load(KernelLibrary::kUnits + program_->writeKernel(), missing,
+                                           &reason, [this](const auto& made) { return use(made); });
   *compiled = library != nullptr && library->wasCompiled();
   return reason;
 }
@@ -186,7 +191,6 @@ bool ProgramMotion::shareMachineCode(const MotionBase& other) {
   const auto* const like = dynamic_cast<const ProgramMotion*>(&other);
   if (like == nullptr || like->library_ == nullptr) return false;
   if (program_->structure() != like->program_->structure()) return false;
-  if (motion_ != nullptr && !motion_->shareMachineCode(*like->motion_)) return false;
   return use(like->library_);
 }
 

@@ -42,27 +42,30 @@ StopReason ProgramMotion::reasonOf(scene_status status) {
 }
 
 ProgramMotion::ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgram> program,
-                             std::unique_ptr<Motion> integrator, const ProgramMotion* like)
+                             bool has_finder, const ProgramMotion* like)
     : MotionBase(std::move(its_scene)),
-      motion_(std::move(integrator)),
       program_(std::move(program)),
+      finder_(has_finder ? std::make_unique<StateFinder>(
+                               scene, like != nullptr ? like->finder_.get() : nullptr)
+                         : nullptr),
       host_(hostMotion(*program_)),
       past_(*program_),
-      progress_(scene.solver.maximum_steps) {
+      progress_(scene.solver.maximum_steps),
+      energy_(scene, has_finder && scene.principle == Principle::kGeneralizedGauss &&
+                         scene.constraintCount() > 0 &&
+                         !finder_->system().drivetrain().hasConstantJacobian()) {
   it_.state = state_;
   it_.multiplier = multiplier_;
   it_.reaction = reaction_;
   it_.longest = longest_;
   it_.input = input_;
-  if (motion_ != nullptr) {
-    entries_.resize(static_cast<std::size_t>(program_->K) * scene.shafts.size());
-    rows_ = std::make_unique<double[][kMaxShafts]>(static_cast<std::size_t>(program_->K));
-  }
+  entries_.resize(static_cast<std::size_t>(program_->K) * scene.shafts.size());
   it_.hold = hold_;
   if (program_->HOLDS > 0 || program_->EVENTS > 0) events_.resize(kMostEvents);
   it_.armed = armed_;
   it_.past = past_.data();
   reset();
+  if (finder_ != nullptr) finder_->requireConsistency();
   if (like != nullptr) useCodeOf(*like);
 }
 
@@ -74,16 +77,7 @@ void ProgramMotion::reset() {
   commands.reset();
   rhythm_.reset();
   progress_.begin(0.0);
-  patience_ = kFirstPatience;
-  steps_left_ = 0;
-  switches_ = 0;
   it_.choice = {};
-  has_step_ = false;
-  is_integrated_ = motion_ != nullptr;
-  if (is_integrated_) {
-    motion_->reset();
-    return;
-  }
   status_ = MotionStatus{};
   statistics_ = Statistics{};
   signal_origin_.moveTo(0.0);
@@ -92,25 +86,40 @@ void ProgramMotion::reset() {
   }
   is_start_ = true;
   first_event_ = event_count_ = last_events_ = 0;
-  const scene_status status = start();
-  if (status != SCENE_OK) throwInitialError(status);
+  start();
 }
 
-scene_status ProgramMotion::start() {
+void ProgramMotion::start() {
   const int S = scene.shaftCount();
   std::fill_n(state_, 3 * S, 0.0);
   std::fill_n(multiplier_, kMostRows, 0.0);
   std::fill_n(reaction_, kMaxShafts, 0.0);
   std::fill_n(longest_, kMostRows, 0.0);
-  std::copy(scene.initial.angle.begin(), scene.initial.angle.end(), state_);
-  std::copy(scene.initial.velocity.begin(), scene.initial.velocity.end(), state_ + S);
-  std::copy(scene.initial.acceleration.begin(), scene.initial.acceleration.end(), state_ + 2 * S);
-  it_.are_given = scene.initial.acceleration.empty() ? 0 : 1;
-  it_.may_move = scene.initial.project ? 1 : 0;
   it_.time = it_.time_rest = 0.0;
-  const scene_status status = begin(Begin::kStart);
-  start_kinetic_ = calcEnergy().kinetic;
-  return status;
+  if (finder_ == nullptr) {
+    const InitialConditions& initial = scene.initial;
+    std::copy(initial.angle.begin(), initial.angle.end(), state_);
+    std::copy(initial.velocity.begin(), initial.velocity.end(), state_ + S);
+    std::copy(initial.acceleration.begin(), initial.acceleration.end(), state_ + 2 * S);
+    it_.are_given = initial.acceleration.empty() ? 0 : 1;
+    it_.may_move = initial.project ? 1 : 0;
+    const scene_status status = begin(Begin::kStart);
+    if (status != SCENE_OK && commands.isEmpty()) throwInitialError(status);
+    if (status != SCENE_OK) stop(status);
+  } else {
+    finder_->enterInputs(signal_, 0.0);
+    const bool is_found = finder_->findFirst();
+    finder_->write(state_, multiplier_);
+    it_.are_given = it_.may_move = 1;
+    const scene_status status = begin(is_found ? Begin::kStart : Begin::kSaved);
+    if (!is_found) {
+      status_ = finder_->explainStart();
+    } else if (status != SCENE_OK) {
+      stop(status);
+    }
+  }
+  energy_.begin(calcKineticEnergy());
+  forgetSample();
 }
 
 scene_status ProgramMotion::begin(Begin how) {
@@ -122,7 +131,6 @@ scene_status ProgramMotion::begin(Begin how) {
   begin_rest_ = it_.time_rest;
   has_step_ = is_still_ = false;
   made_since_ = 0;
-  applied_ = applied_before_ = 0.0;
   forgetSample();
   return status;
 }
@@ -145,40 +153,21 @@ void ProgramMotion::takeMemory() {
 
 void ProgramMotion::beginAnew() {
   host_->leave(&it_);
-  noteRounding();
   if (next_host_ != nullptr) host_ = std::move(next_host_);
   it_.begin = static_cast<int>(Begin::kSaved);
   host_->begin(it_);
 }
 
-void ProgramMotion::leaveStart() {
-  is_start_ = false;
-  if (is_integrated_) motion_->leaveStart();
-}
-
 // --- steps -----------------------------------------------------------------------------------
 
-bool ProgramMotion::step(double end) {
-  if (is_integrated_) {
-    if (!mayTakeOver()) return motion_->isMadeUpTo(end) || stepIntegrated(end);
-    takeOver();
-  } else if (motion_ != nullptr && has_step_ && reconsider()) {
-    return stepIntegrated(end);
-  }
+bool ProgramMotion::step(double /*end*/) {
   if (!progress_.count(frontTime())) {
-    if (motion_ != nullptr) {
-      handOver(kMostPatience);
-      return stepIntegrated(end);
-    }
     stop(StopReason::kStepLimit);
     status_.time = frontTime();
+    status_.measure = progress_.rateAt(frontTime());
     return false;
   }
   if (progress_.areRefused()) {
-    if (motion_ != nullptr) {
-      handOverPatiently();
-      return stepIntegrated(end);
-    }
     stop(StopReason::kToleranceTooSmall);
     status_.time = frontTime();
     return false;
@@ -187,47 +176,44 @@ bool ProgramMotion::step(double end) {
   const bool is_due = made_since_ > 0 && made_since_ % kMostBetween == 0;
   if (is_due || (next_host_ != nullptr && !isImplicit())) beginAnew();
   const double expected = sinceFront(rhythm_.next());
-  const double longest = std::min(scene.solver.maximum_step, kLongestStep);
   const double left =
-      expected > 2.0 * resolutionOf(frontTime()) ? std::min(longest, expected) : longest;
+      expected > 2.0 * resolutionOf(frontTime()) ? std::min(kLongestStep, expected) : kLongestStep;
   begin_ = it_.time;
   begin_rest_ = it_.time_rest;
-  applied_before_ = applied_;
-  std::copy_n(state_, 3 * scene.shaftCount(), before_);
   const int method = it_.choice.method;
   const scene_status status = host_->step(left, &it_);
-  Statistics& counted = statistics();
-  counted.rejected_steps += static_cast<std::uint64_t>(it_.rejections);
+  statistics_.rejected_steps += static_cast<std::uint64_t>(it_.rejections);
+  if (it_.rounding > 1.0)
+    statistics_.largest_rounding = std::max(statistics_.largest_rounding, it_.rounding);
   has_step_ = status == SCENE_OK;
   forgetSample();
   if (!has_step_) {
-    if (motion_ == nullptr) {
-      stop(status);
-      return false;
-    }
-    // (Steps that time does not resolve, none of which was refused, are those of a pole.)
-    const bool has_no_series =
-        status == SCENE_NOT_FINITE || (status == SCENE_TOO_MANY_STEPS && it_.rejections > 0);
-    handOverPatiently();
-    if (has_no_series) motion_->integrator.giveUpSeries();
-    return stepIntegrated(end);
+    stop(status);
+    return false;
   }
   noteEvents();
   ++made_since_;
-  ++counted.steps;
-  if (it_.choice.method != method) ++switches_;
-  if (method != 0) ++counted.implicit_steps;
-  if (it_.passed >= 0 || it_.is_event != 0) ++counted.kinks;
-  if (motion_ == nullptr && it_.is_still != 0 && !is_still_) ++counted.sleeps;
+  ++statistics_.steps;
+  ++statistics_.right_hand_sides;
+  if (it_.choice.method != method) ++statistics_.stepper_switches;
+  if (method != 0) ++statistics_.implicit_steps;
+  if (it_.passed >= 0 || it_.is_event != 0) ++statistics_.kinks;
+  if (it_.is_still != 0 && !is_still_) ++statistics_.sleeps;
   is_still_ = it_.is_still != 0;
   noteEnergy();
-  if (motion_ != nullptr) motion_->drivetrain.countRightHandSide();
   progress_.noteRefusals(it_.rejections);
   return true;
 }
 
+void ProgramMotion::recover() {
+  has_step_ = is_still_ = false;
+  begin_ = it_.time;
+  begin_rest_ = it_.time_rest;
+  time = frontTime();
+  forgetSample();
+}
+
 double ProgramMotion::lastInside() const {
-  if (is_integrated_) return motion_->lastInside();
   const double reached = frontTime();
   return sinceFront(reached) > 0.0 ? std::nextafter(reached, 0.0) : reached;
 }
@@ -244,6 +230,31 @@ void ProgramMotion::stop(scene_status status) {
   front.angle = state_;
   front.input = input;
   if (quantities.isInertiaLost(front)) status_.reason = StopReason::kIndefiniteInertia;
+  host_->leave(&it_);
+  if (finder_ != nullptr && status != SCENE_CHATTERING) explainStop();
+  // (Of accelerations that follow from the state: those of gauss.)
+  const bool is_lost = it_.rounding > 1.0 && status_.reason == StopReason::kStepUnderflow;
+  if (!is_lost || status != SCENE_TOO_MANY_STEPS) return;
+  status_.reason = StopReason::kToleranceTooSmall;
+  status_.measure = it_.rounding;
+}
+
+void ProgramMotion::explainStop() {
+  CommandSignal now[kMaxInputs];
+  const double at = signal_origin_.relative(it_.time) + it_.time_rest;
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    now[i] = signal_[i];
+    if (now[i].segmentEnd() <= at) now[i].finishSegment();
+    now[i].moveOrigin(at);
+  }
+  if (status_.reason == StopReason::kJumpFailed) {
+    if (scene.constraintCount() == 1) status_.constraint = 0;
+    return;
+  }
+  // (Where a formula has no series steps end, too.)
+  if (status_.reason == StopReason::kNonFiniteValue) status_.reason = StopReason::kStepUnderflow;
+  finder_->enterInputs(now, frontTime());
+  finder_->explainStop(0.0, state_, longest_, &status_);
 }
 
 // --- commands --------------------------------------------------------------------------------
@@ -253,7 +264,7 @@ bool ProgramMotion::cut() {
   const double at = insideStep(time);
   cutEnergy(at);
   if (at < it_.event) {  // the modes at its end have not come
-    statistics().mode_changes -= last_events_;
+    statistics_.mode_changes -= last_events_;
     event_count_ -= last_events_;
   }
   if (host_->cut(at) != SCENE_OK) {
@@ -267,16 +278,9 @@ bool ProgramMotion::cut() {
 
 void ProgramMotion::changeInputs() {
   rhythm_.note(time);
-  if (is_integrated_) {
-    commandIntegrated();
-    return;
-  }
   if (!cut()) return;
   forgetSample();
   const double now = signalTime();
-  CommandSignal before[kMaxInputs];
-  std::copy_n(signal_, scene.inputCount(), before);
-  const TimeOrigin origin = signal_origin_;
   signal_origin_.moveTo(time);
   bool jumps = false;
   for (int i = 0; i < scene.inputCount(); ++i) {
@@ -289,48 +293,23 @@ void ProgramMotion::changeInputs() {
   }
   describeInputs();
   const scene_status status = host_->change(&it_);
-  if (jumps && status == SCENE_OK) ++statistics().jumps;
+  if (jumps && status == SCENE_OK) ++statistics_.jumps;
   noteEvents();
   last_events_ = 0;
-  if (motion_ == nullptr) {
-    if (status != SCENE_OK) stop(status);
-    return;
-  }
-  if (status != SCENE_OK) {
-    // The integrator tells why, or finds a way.
-    std::copy_n(before, scene.inputCount(), signal_);
-    signal_origin_ = origin;
-    handOver(patience_);
-    commandIntegrated();
-    return;
-  }
-  host_->leave(&it_);
-  const bool is_at_rest = std::all_of(state_ + scene.shaftCount(), state_ + 2 * scene.shaftCount(),
-                                      [](double velocity) { return velocity == 0.0; });
-  if (is_at_rest && scene.solver.sleep) handOver(0);
+  if (status != SCENE_OK) stop(status);
 }
 
 void ProgramMotion::changeInitialInputs() {
-  if (is_integrated_) {
-    commandIntegrated();
-    return;
-  }
   for (int i = 0; i < scene.inputCount(); ++i) {
     if (!commands.hasCommand(i)) continue;
     signal_[i].command(scene.inputs[static_cast<std::size_t>(i)], 0.0, commands.value(i));
   }
-  const scene_status status = start();
-  if (status != SCENE_OK) stop(status);
+  start();
 }
 
 // --- samples ---------------------------------------------------------------------------------
 
 void ProgramMotion::takeSample(Sample* sample) {
-  if (is_integrated_) {
-    integrated().takeSample(sample);
-    time = motion_->time;
-    return;
-  }
   vs_seen_hold seen_hold[kMaxHolds];
   double on_shaft[kMaxHolds * kMaxShafts];
   vs_seen seen = {sample->angle,
@@ -361,19 +340,12 @@ void ProgramMotion::takeSample(Sample* sample) {
     valueOf(expression::HeldValue::kMode) = from.mode;
     valueOf(expression::HeldValue::kCounts) = from.counts;
   }
-  if (status == SCENE_OK || !this->status().ok()) return;
-  if (motion_ == nullptr) {
-    stop(reasonOf(status));
-  } else {
-    motion_->integrator.stopAtBadValue(time, 0.0, State(motion_->system.size()));
-  }
+  if (status == SCENE_OK || !status_.ok()) return;
+  stop(status);
+  status_.time = time;
 }
 
 StateView ProgramMotion::view() {
-  if (is_integrated_) {
-    integrated().forgetSample();
-    return motion_->view();
-  }
   const Sample& now = sample();
   const double at = signalTime();
   for (int i = 0; i < scene.inputCount(); ++i) {
@@ -396,17 +368,13 @@ StateView ProgramMotion::view() {
 }
 
 Energy ProgramMotion::calcEnergy() {
-  if (is_integrated_) {
-    integrated().forgetSample();
-    return motion_->calcEnergy();
-  }
   Sample& now = sample();
   double through = 0.0;
   Energy energy;
   energy.kinetic = kinetic_;
-  energy.applied =
-      has_step_ ? applied_before_ + host_->calcWork(insideStep(time), &through) : applied_;
-  energy.reactions = energy.kinetic - start_kinetic_ - energy.applied;
+  energy.applied = has_step_ ? energy_.appliedBefore() + host_->calcWork(insideStep(time), &through)
+                             : energy_.account().applied;
+  energy.reactions = energy.kinetic - energy_.account().start_kinetic - energy.applied;
   for (int i = 0; i < scene.shaftCount(); ++i) {
     energy.applied_power += now.applied_torque[i] * now.velocity[i];
     energy.reaction_power += now.reaction_torque[i] * now.velocity[i];
@@ -414,11 +382,35 @@ Energy ProgramMotion::calcEnergy() {
   return energy;
 }
 
+double ProgramMotion::calcKineticEnergy() {
+  sample();
+  return kinetic_;
+}
+
+void ProgramMotion::noteEnergy() {
+  const double work = host_->calcWork(it_.made, &through_);
+  if (energy_.isWatched()) {
+    if (!energy_.hasDirections()) {
+      host_->look(0.0, entries_.data());
+      energy_.noteDirections(entries_.data(), state_);
+    }
+    host_->look(it_.made, entries_.data());
+  }
+  energy_.noteStep(frontTime(), work, through_, state_, state_ + scene.shaftCount(),
+                   entries_.data());
+}
+
+void ProgramMotion::cutEnergy(double at) {
+  double through = 0.0;
+  const double applied = energy_.appliedBefore() + host_->calcWork(at, &through);
+  energy_.cut(time, applied, through_ - through);
+}
+
 // --- changes of modes ------------------------------------------------------------------------
 
 void ProgramMotion::noteEvents() {
   last_events_ = static_cast<std::size_t>(it_.event_count);
-  statistics().mode_changes += last_events_;
+  statistics_.mode_changes += last_events_;
   for (int n = 0; n < it_.event_count; ++n) {
     const scene_event& from = it_.events[n];
     events_[event_count_++ % kMostEvents] = {from.time, from.element, from.from,

@@ -1,72 +1,48 @@
-/// The motion of a scene by its own program (src/runtime).
-///
-/// The program steps by power series. Where an integrator of the equations of shafts and
-/// constraints (Motion) is at hand, it finds the start, and takes over
-///   - where the program makes no step, or rounding refuses nearly all: it gets on by other means,
-///     or explains why nothing does;
-///   - near rest, to let the motion sleep.
-/// The program goes on from where the integrator steps by series again. All of it depends on the
-/// motion only.
+/// The motion of a scene by its own program (src/runtime), which makes all steps. The equations of
+/// shafts and constraints (StateFinder) find the state that it begins with, and tell why it stops.
 #pragma once
 
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "integrate/command_rhythm.h"
-#include "integrate/progress.h"
-#include "integrate/time_origin.h"
-#include "motion/motion.h"
+#include "motion/command_rhythm.h"
+#include "motion/energy_balance.h"
+#include "motion/motion_base.h"
 #include "motion/motion_past.h"
+#include "motion/progress.h"
+#include "motion/state_finder.h"
+#include "motion/time_origin.h"
 #include "motion_program/motion_steps.h"
 
 namespace variator_sim {
 
 class ProgramMotion final : public MotionBase {
  public:
-  /// `integrator`: of the same scene, or null for one that only the program can step; then throws
-  /// SceneError where the initial values contradict the constraints. `like`: has machine code that
-  /// may fit, or nullptr.
-  ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgram> program,
-                std::unique_ptr<Motion> integrator, const ProgramMotion* like = nullptr);
+  /// `finder`: of the same scene, or null for one with elements that hold, states, events, delays
+  /// or an inertia by formulas, whose program finds the state to begin with itself. `like`: has
+  /// machine code that may fit, or nullptr. Throws SceneError where the initial values contradict
+  /// the constraints.
+  ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgram> program, bool has_finder,
+                const ProgramMotion* like = nullptr);
 
-  /// Returns the motion by the integrator, or null.
-  const Motion* byIntegrator() const { return motion_.get(); }
-
-  const MotionStatus& status() const override {
-    return motion_ != nullptr ? motion_->status() : status_;
-  }
-  Statistics& statistics() override {
-    Statistics& counted = motion_ != nullptr ? motion_->statistics() : statistics_;
-    counted.stepper_switches = switches();
-    return counted;
-  }
+  const MotionStatus& status() const override { return status_; }
+  Statistics& statistics() override { return statistics_; }
   void reset() override;
-  bool isSleeping() const override {
-    return is_integrated_ ? motion_->isSleeping() : motion_ == nullptr && is_still_;
-  }
-  double frontTime() const override {
-    return is_integrated_ ? motion_->frontTime() : it_.time + it_.time_rest;
-  }
+  bool isSleeping() const override { return is_still_ && scene.solver.sleep; }
+  double frontTime() const override { return it_.time + it_.time_rest; }
   StateView view() override;
-  const CommandSignal& signal(int input) const override {
-    return is_integrated_ ? motion_->signal(input) : signal_[input];
-  }
+  const CommandSignal& signal(int input) const override { return signal_[input]; }
   bool saveState(MotionState* state) override;
   std::string setState(const MotionState& state, bool project) override;
-  void trackEnergy(bool on) override;
+  void trackEnergy(bool on) override { is_energy_tracked_ = on; }
   bool isEnergyTracked() const override { return is_energy_tracked_; }
   Energy calcEnergy() override;
-  EnergyDoubt energyDoubt() const override {
-    return motion_ != nullptr ? motion_->energy_meter.doubt(time) : EnergyDoubt{};
-  }
-  void exhaustTime() override;
+  EnergyDoubt energyDoubt() const override { return energy_.doubt(time); }
+  void exhaustTime() override { stop(StopReason::kTimeExhausted); }
   bool takeModeEvent(ModeEvent* event) override;
   std::string describeStop() override;
-  const char* stepperName() const override {
-    if (is_integrated_) return motion_->stepperName();
-    return isImplicit() ? "radau" : "taylor";
-  }
+  const char* stepperName() const override { return isImplicit() ? "radau" : "taylor"; }
   std::string describeStepper() const override;
   std::vector<std::string> skips() const override;
   std::string loadCode(KernelLibrary::Missing missing, bool* compiled) override;
@@ -84,14 +60,10 @@ class ProgramMotion final : public MotionBase {
   /// Changes of modes that wait to be taken; older ones are forgotten.
   static constexpr std::size_t kMostEvents = 1024;
 
-  double signalTime() const override {
-    return (is_integrated_ ? motion_->integrator.origin() : signal_origin_).relative(time);
-  }
-  bool isStart() const override { return is_integrated_ ? motion_->isStart() : is_start_; }
-  void leaveStart() override;
-  bool isMadeUpTo(double end) const override {
-    return is_integrated_ ? motion_->isMadeUpTo(end) : sinceFront(end) <= 0.0;
-  }
+  double signalTime() const override { return signal_origin_.relative(time); }
+  bool isStart() const override { return is_start_; }
+  void leaveStart() override { is_start_ = false; }
+  bool isMadeUpTo(double end) const override { return sinceFront(end) <= 0.0; }
   bool step(double end) override;
   double lastInside() const override;
   void changeInputs() override;
@@ -99,46 +71,24 @@ class ProgramMotion final : public MotionBase {
   void takeSample(Sample* sample) override;
   void recover() override;
 
-  // --- the integrator ---
-  /// Makes its current time that of this motion.
-  Motion& integrated() {
-    motion_->time = time;
-    return *motion_;
-  }
-  bool stepIntegrated(double end);
-  bool saveIntegrated(MotionState* state);
-  /// Passes waiting commands on.
-  void commandIntegrated();
-  /// True where the program may go on from the integrator's step end.
-  bool mayTakeOver();
-  /// Writes the state and the inputs at the end of the integrator's step.
-  void describeIntegrated();
-  void takeOver();
-  /// The integrator goes on from the end of the step, for so many steps at least.
-  void handOver(int steps);
-  /// The same for as many as the patience, which this doubles.
-  void handOverPatiently();
-  /// Lets the integrator take over behind a step near rest. True if it does.
-  bool reconsider();
-  void noteRounding();
   void noteEnergy();
   /// Writes the energy account up to the current time, where the last step is cut.
   void cutEnergy(double at);
 
-  /// Begins at time 0 with the inputs as they are.
-  scene_status start();
+  /// Returns that of the current sample, J.
+  double calcKineticEnergy();
+
+  /// Begins at time 0 with the inputs as they are. Throws SceneError where nothing begins and no
+  /// command has come.
+  void start();
   /// Begins with the state in it_.
   scene_status begin(Begin how);
   /// The same from a state of elsewhere.
   scene_status goOnFrom(const MotionState& state, bool may_move);
   /// Writes the closed forms of the inputs at the current time.
   void describeInputs();
-  /// Changes of the stepper, here and by the integrator.
-  std::uint64_t switches() const {
-    return switches_ + (motion_ != nullptr ? motion_->integrator.choice().switches() : 0);
-  }
   /// True where the program makes implicit steps.
-  bool isImplicit() const { return it_.choice.method != 0; }
+  bool isImplicit() const { return it_.choice.method != 0 || program_->HAS_SERIES == 0; }
   /// Takes over the values of states and variables from the program.
   void takeMemory();
   /// Cuts the last step at the current time.
@@ -150,7 +100,9 @@ class ProgramMotion final : public MotionBase {
     status_.reason = reason;
     status_.time = time;
   }
+  /// Stops at the end of the last step, and finds out why.
   void stop(scene_status status);
+  void explainStop();
   static StopReason reasonOf(scene_status status);
   void noteEvents();
   /// Copies what belongs to elements that hold into a state, and back.
@@ -165,26 +117,11 @@ class ProgramMotion final : public MotionBase {
   /// The time since the start of the last step, s.
   double insideStep(double at) const { return (at - begin_) - begin_rest_; }
 
-  /// Steps that the integrator makes at least where the program has made none, or near rest: the
-  /// first time, and at most.
-  static constexpr int kFirstPatience = 8;
-  /// Implicit steps behind those of the integrator, before series are tried again.
+  /// Implicit steps behind a beginning with them, before series are tried again.
   static constexpr int kFewSteps = 3;
-  static constexpr int kMostPatience = 1024;
-  /// Steps in a row that change the state by so many tolerances only, or, of a motion that time
-  /// drives, by next to nothing, are near rest.
-  static constexpr int kSettling = 10;
-  static constexpr double kNearRest = 100.0;
-  static constexpr double kNearStandstill = 0.01;
-
-  std::unique_ptr<Motion> motion_;  ///< by the integrator, or null
-  bool is_integrated_ = false;      ///< it makes the steps
-  int steps_left_ = 0;              ///< that it makes at least
-  int patience_ = kFirstPatience;
-  int settling_ = 0;            ///< steps near rest in a row
-  std::uint64_t switches_ = 0;  ///< between series and implicit steps
 
   const std::shared_ptr<const MotionProgram> program_;
+  const std::unique_ptr<StateFinder> finder_;  ///< or null
   std::unique_ptr<HostedMotion> host_;
   std::unique_ptr<HostedMotion> next_host_;  ///< takes over at the next beginning, or null
   std::shared_ptr<KernelLibrary> library_;   ///< of machine code, or null
@@ -192,7 +129,6 @@ class ProgramMotion final : public MotionBase {
 
   vs_exchange it_ = {};  ///< its arrays are those below; its time is the end of the last step
   double state_[3 * kMaxShafts] = {};
-  double before_[3 * kMaxShafts] = {};  ///< at the start of the last step
   double multiplier_[kMostRows] = {};
   double reaction_[kMaxShafts] = {};
   double longest_[kMostRows] = {};
@@ -224,13 +160,10 @@ class ProgramMotion final : public MotionBase {
   std::size_t last_events_ = 0;            ///< of these the last step has made
 
   bool is_energy_tracked_ = false;
-  double start_kinetic_ = 0.0;                  ///< J
-  double applied_ = 0.0;                        ///< J, at the end of the last step
-  double applied_before_ = 0.0;                 ///< J, at its start
-  double kinetic_ = 0.0;                        ///< J, of the last sample
-  double through_ = 0.0;                        ///< J, that the last step has brought and taken
-  std::vector<double> entries_;                 ///< of C at the end of the last step, by rows
-  std::unique_ptr<double[][kMaxShafts]> rows_;  ///< the same, each in its place
+  EnergyBalance energy_;
+  double kinetic_ = 0.0;         ///< J, of the last sample
+  double through_ = 0.0;         ///< J, that the last step has brought and taken
+  std::vector<double> entries_;  ///< of C at the end of the last step, by rows
 };
 
 }  // namespace variator_sim

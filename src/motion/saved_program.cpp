@@ -8,7 +8,6 @@ namespace variator_sim {
 
 bool ProgramMotion::saveState(MotionState* state) {
   settle();
-  if (motion_ != nullptr) return saveIntegrated(state);
   if (!status_.ok() || !cut()) return false;
   const int S = scene.shaftCount();
   host_->leave(&it_);
@@ -20,6 +19,7 @@ bool ProgramMotion::saveState(MotionState* state) {
   std::copy_n(state_ + 2 * S, S, state->acceleration);
   writeInputs(state);
   state->history.exists = true;
+  state->history.is_implicit = isImplicit();
   std::copy_n(longest_, scene.constraintCount(), state->history.longest_row);
   state->history.has_multipliers = true;
   std::copy_n(multiplier_, scene.constraintCount(), state->history.multiplier);
@@ -28,26 +28,8 @@ bool ProgramMotion::saveState(MotionState* state) {
   state->history.past = past_.save();
   state->history.kept_reaction.exists = true;
   std::copy_n(reaction_, S, state->history.kept_reaction.value);
-  state->history.energy.start_kinetic = start_kinetic_;
-  state->history.energy.applied = applied_;
+  state->history.energy = energy_.account();
   return goOnFrom(*state, false) == SCENE_OK;
-}
-
-/// (It begins as one that the state is given to.)
-bool ProgramMotion::saveIntegrated(MotionState* state) {
-  if (!is_integrated_ && status().ok()) {
-    if (!cut()) return false;
-    handOver(0);
-  }
-  const bool is_saved = integrated().saveState(state);
-  time = motion_->time;
-  forgetSample();
-  steps_left_ = 0;
-  patience_ = kFirstPatience;
-  rhythm_.reset();
-  progress_.begin(time);
-  for (int i = 0; i < scene.inputCount(); ++i) state->last_command[i] = commands.lastTime(i);
-  return is_saved;
 }
 
 scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
@@ -73,15 +55,20 @@ scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
   std::copy_n(state.history.armed, kMaxEvents, armed_);
   it_.time = time;
   it_.time_rest = 0.0;
+  it_.choice = {};
+  if (state.history.is_implicit) {
+    it_.choice.method = 1;
+    it_.choice.left = kFewSteps;
+  }
   it_.are_given = state.is_acceleration_given ? 1 : 0;
   it_.may_move = may_move ? 1 : 0;
   if (state.history.exists && !past_.restore(state.history.past)) return SCENE_BAD_ARGUMENT;
   const scene_status status = begin(state.history.exists ? Begin::kSaved : Begin::kWritten);
   if (state.history.exists) {
-    start_kinetic_ = state.history.energy.start_kinetic;
-    applied_ = applied_before_ = state.history.energy.applied;
+    energy_.resume(state.history.energy, time);
   } else {
-    start_kinetic_ = calcEnergy().kinetic;
+    energy_.begin(calcKineticEnergy());
+    forgetSample();
   }
   return status;
 }
@@ -89,16 +76,19 @@ scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
 std::string ProgramMotion::setState(const MotionState& state, bool project) {
   MotionState before;
   if (!saveState(&before)) return "the motion has stopped";
-  if (motion_ != nullptr) {
-    std::string fault = motion_->setState(state, project);
-    time = motion_->time;
-    const MotionState& now = fault.empty() ? state : before;
-    commands.reset();
-    for (int i = 0; i < scene.inputCount(); ++i) commands.setLastTime(i, now.last_command[i]);
-    progress_.begin(time);
-    return fault;
+  MotionState found = state;
+  if (finder_ != nullptr) {
+    finder_->enterInputs(state.signal, state.time);
+    // A saved state that is consistent goes on to the bit; a written one is polished.
+    const bool is_saved = state.history.exists && finder_->accept(state, false);
+    if (!is_saved && !finder_->accept(state, project)) {
+      std::string fault = finder_->describeInconsistency(state);
+      goOnFrom(before, false);
+      return fault;
+    }
+    if (!is_saved) found = finder_->found(state);
   }
-  const scene_status status = goOnFrom(state, project);
+  const scene_status status = goOnFrom(found, project || finder_ != nullptr);
   if (status == SCENE_OK && status_.ok()) return "";
   std::string fault =
       status == SCENE_INCONSISTENT

@@ -1,5 +1,6 @@
 #include "variator_sim/simulation.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <sstream>
@@ -17,7 +18,8 @@ namespace variator_sim {
 
 namespace {
 
-/// Tells whether an integrator of the equations of shafts and constraints does not suffice.
+/// Tells whether the equations of shafts and constraints are not all of a motion's: its program
+/// finds the start itself.
 bool needsProgram(const Scene& scene) {
   return !scene.holdNames().empty() || !scene.nameOfDirection().empty() || scene.hasMemory() ||
          !scene.inertia_formulas.empty();
@@ -43,24 +45,22 @@ std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
   const auto* const program = dynamic_cast<const ProgramMotion*>(like);
   if (needsProgram(scene)) {
     refuseOtherSteppers(scene);
-    auto its_program = orRefuse(
-        "cannot be stepped by power series, as states, events and elements that hold are", [&] {
-          auto made = std::make_shared<const MotionProgram>(scene);
-          made->requireSteps();
-          return made;
-        });
-    return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), nullptr,
+    auto its_program =
+        orRefuse("cannot be stepped by power series, as states, events and elements that hold are",
+                 [&] { return std::make_shared<const MotionProgram>(scene); });
+    return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), false,
                                            program);
   }
-  const Motion* const integrated =
-      program != nullptr ? program->byIntegrator() : dynamic_cast<const Motion*>(like);
-  auto motion = std::make_unique<Motion>(std::move(scene), Shortcuts{}, integrated);
-  const SceneSeries* const series = motion->system.formulas();
-  const bool is_stepped = motion->integrator.stepsBySeries() && series->program()->makesSteps();
-  if (!is_stepped) return motion;
-  Scene its_scene = motion->scene;
-  return std::make_unique<ProgramMotion>(std::move(its_scene), series->program(), std::move(motion),
-                                         program);
+  const StepperKind stepper = scene.solver.stepper;
+  const bool is_by_program = stepper == StepperKind::kAuto || stepper == StepperKind::kTaylor;
+  if (is_by_program || stepper == StepperKind::kTaylorFixed) {
+    auto its_program = std::make_shared<const MotionProgram>(scene);
+    if (is_by_program && its_program->makesSteps()) {
+      return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), true,
+                                             program);
+    }
+  }
+  return std::make_unique<Motion>(std::move(scene), Shortcuts{}, dynamic_cast<const Motion*>(like));
 }
 
 /// Tells whether missing code is compiled, and whether a busy compiler is waited for.

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "integrate/diagnosis.h"
+#include "motion/diagnosis.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {

@@ -105,7 +105,7 @@ void SteppingLoop::run() {
       waitWhileIdle();
       continue;
     }
-    if (pacer_.isPaced() && !isQuiet() && simulation_.isSleeping()) {
+    if (pacer_.isPaced() && simulation_.isSleeping()) {
       passOverRest();
       if (isCalled()) continue;
     }
