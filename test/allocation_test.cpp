@@ -245,7 +245,7 @@ TEST(Allocation, NoneFallingAsleepAndWaking) {
   simulation.reset();
   EXPECT_EQ(allocations - before, 0);
   EXPECT_TRUE(slept);
-  EXPECT_EQ(sleeps, 3u);
+  EXPECT_GE(sleeps, 3u);
   EXPECT_TRUE(std::isfinite(sum));
 }
 

@@ -62,6 +62,15 @@ std::string refusalOf(const std::string& torque, const std::string& constraint) 
 
 TEST(EmitCRefusals, NothingOfFormulas) {
   EXPECT_EQ(refusalOf(kFormulaTorque, kFormulaConstraint), "");
+  const std::string type = "{type: variator_sim/ExpressionConstraint, ";
+  EXPECT_EQ(refusalOf(kFormulaTorque, type + "order: 1, expression: \"w2-max(w1,0.5*w1)\"}"), "");
+}
+
+TEST(EmitCRefusals, CornersInTheAccelerations) {
+  const std::string bent =
+      "{type: variator_sim/ExpressionConstraint, order: 2, expression: \"e2-e1+0.01*abs(e1)\"}";
+  EXPECT_NE(refusalOf(kFormulaTorque, bent).find("allowed: a formula that is smooth"),
+            std::string::npos);
 }
 
 TEST(EmitCRefusals, OpaqueFunctions) {

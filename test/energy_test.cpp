@@ -268,7 +268,13 @@ TEST(Energy, StartsAnewWithTheMotion) {
   EXPECT_EQ(first[0].kinetic, 0.5 * (0.8 * 25.0 + 2.0 * 4.0));
   simulation.reset();
   const std::vector<Energy> second = run();
-  EXPECT_EQ(std::memcmp(first.data(), second.data(), first.size() * sizeof(Energy)), 0);
+  for (std::size_t n = 0; n < first.size(); ++n) {
+    EXPECT_EQ(first[n].kinetic, second[n].kinetic) << n;
+    EXPECT_EQ(first[n].applied, second[n].applied) << n;
+    EXPECT_EQ(first[n].reactions, second[n].reactions) << n;
+    EXPECT_EQ(first[n].applied_power, second[n].applied_power) << n;
+    EXPECT_EQ(first[n].reaction_power, second[n].reaction_power) << n;
+  }
 }
 
 // --- beside the motion ------------------------------------------------------------------------

@@ -295,6 +295,34 @@ TEST(Principles, Equation18RefusesAReactionOutOfRange) {
   }
 }
 
+// A jump of a torque is the limit of ever faster ramps, for a C that turns with the accelerations,
+// too: R stays in the range of C^T, and C de = 0.
+TEST(Principles, Equation18JumpsAsTheLimitOfRamps) {
+  const auto runWith = [&](const std::string& torque) {
+    Simulation simulation(test::withTolerance(
+        test::sceneFromText("a 1, b 2",
+                            {"q on a: " + torque + "-0.1*w1", "r on b: 1+0.5*cos(3*t)-0.2*w2",
+                             "v of order 3: e1*j1+e2*j2"},
+                            "principle: gauss\n"
+                            "initial: {acceleration: [1.2, 1.6], project: true}"),
+        1e-10));
+    EXPECT_TRUE(simulation.advanceTo(1.0).ok()) << simulation.describeStatus();
+    const Sample& s = simulation.sample();
+    EXPECT_NEAR(s.acceleration[1] * s.reaction_torque[0], s.acceleration[0] * s.reaction_torque[1],
+                1e-9);
+    return s;
+  };
+  const Sample jump = runWith("if(t<0.5,2,1)");
+  for (const double width : {1e-4, 1e-6}) {
+    const std::string end = std::to_string(1.0 / width);
+    const Sample ramp = runWith("2-clamp(" + end + "*(t-0.5),0,1)");
+    for (int i = 0; i < 2; ++i) {
+      EXPECT_NEAR(ramp.velocity[i], jump.velocity[i], width + 1e-9);
+      EXPECT_NEAR(ramp.acceleration[i], jump.acceleration[i], width + 1e-9);
+    }
+  }
+}
+
 TEST(Principles, DifferOnlyWhereCVaries) {
   const char* const kConstant = "order: 2, expression: \"0.2*(e2-0.6*e1)+w2-0.6*w1+0.1*sin(t)\"";
   Simulation a = simulate({kConstant, "{velocity: [5, 3]}", "gauss"});

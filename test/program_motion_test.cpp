@@ -1,20 +1,11 @@
-// Motions that a scene's own program makes are those of the integrator, and have its properties.
-#include "motion/program_motion.h"
-
-#include "motion/motion.h"
+// Motions by series and implicit steps are those of another scheme, and depend on no sample, reset,
+// saved state or machine code.
 #include "support/scenes.h"
 
 namespace variator_sim {
 namespace {
 
 constexpr double kEnd = 2.0;
-
-Simulation programOf(const Scene& scene) {
-  Simulation simulation(scene);
-  Motion::of(simulation) =
-      std::make_unique<ProgramMotion>(scene, std::make_unique<MotionProgram>(scene), nullptr);
-  return simulation;
-}
 
 /// Samples of all columns, with commands on the way. `between`: samples between those.
 std::vector<std::vector<double>> run(Simulation& simulation, int between = 0, int load_at = -1) {
@@ -72,30 +63,29 @@ class ProgramMotions : public testing::TestWithParam<const char*> {
   }
 };
 
-TEST_P(ProgramMotions, AreThoseOfTheIntegrator) {
-  Scene exact = scene();
-  exact.solver.relative_tolerance = exact.solver.absolute_tolerance = 1e-10;
-  Simulation integrated(exact);
-  Simulation programmed = programOf(exact);
-  expectClose(run(integrated), run(programmed), 1e-7);
+TEST_P(ProgramMotions, AreThoseOfAnotherScheme) {
+  const Scene exact = test::withTolerance(scene(), 1e-10);
+  Simulation other(test::withStepper(exact, StepperKind::kDopri5));
+  Simulation simulation(exact);
+  expectClose(run(other), run(simulation), 1e-7);
 }
 
 TEST_P(ProgramMotions, DoNotDependOnSamples) {
-  Simulation few = programOf(scene());
-  Simulation many = programOf(scene());
+  Simulation few(scene());
+  Simulation many(scene());
   EXPECT_EQ(run(few), run(many, 7));
 }
 
 TEST_P(ProgramMotions, AreTheSameAgainAfterAReset) {
-  Simulation simulation = programOf(scene());
+  Simulation simulation(scene());
   const auto first = run(simulation);
   simulation.reset();
   EXPECT_EQ(first, run(simulation));
 }
 
 TEST_P(ProgramMotions, GoOnFromASavedStateToTheBit) {
-  Simulation saved = programOf(scene());
-  Simulation restored = programOf(scene());
+  Simulation saved(scene());
+  Simulation restored(scene());
   saved.advanceTo(0.37);
   if (saved.scene().inputCount() > 0) saved.command(0, saved.scene().inputs[0].initial + 0.1);
   MotionState state;
@@ -122,28 +112,22 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST(ProgramMotion, CountsTheInstantsAtWhichInputsJump) {
   const Scene scene = test::sceneFromFile(VARIATOR_SIM_TEST_DIR "/cases/torque_steps/scene.yaml");
-  Simulation programmed = programOf(scene);
-  Simulation beside(scene);
-  Motion::of(beside) = std::make_unique<ProgramMotion>(
-      scene, std::make_unique<MotionProgram>(scene), std::make_unique<Motion>(scene));
-  Simulation integrated(scene);
-  for (Simulation* const simulation : {&programmed, &beside, &integrated}) {
-    for (int n = 1; n <= 5; ++n) {
-      simulation->advanceTo(0.1 * n);
-      simulation->command(0, n);
-      simulation->command(1, -n);
-      simulation->sample();
-    }
-    EXPECT_EQ(simulation->statistics().jumps, 5U);
+  Simulation simulation(scene);
+  for (int n = 1; n <= 5; ++n) {
+    simulation.advanceTo(0.1 * n);
+    simulation.command(0, n);
+    simulation.command(1, -n);
+    simulation.sample();
   }
+  EXPECT_EQ(simulation.statistics().jumps, 5U);
 }
 
 TEST(ProgramMotion, HasTheBitsOfTheInterpreterInMachineCode) {
   for (const char* name : {"/cases/crank_elastic/scene.yaml", "/cases/torque_steps/scene.yaml"}) {
     const Scene scene = test::sceneFromFile(VARIATOR_SIM_TEST_DIR + std::string(name));
-    Simulation interpreted = programOf(scene);
-    Simulation compiled = programOf(scene);
-    Simulation switched = programOf(scene);
+    Simulation interpreted(scene);
+    Simulation compiled(scene);
+    Simulation switched(scene);
     const auto expected = run(interpreted);
     EXPECT_EQ(run(compiled, 0, 1), expected);
     EXPECT_EQ(run(switched, 0, 9), expected) << "switched in the middle";

@@ -3,7 +3,7 @@
 
 #include <ostream>
 
-#include "integrate/command_rhythm.h"
+#include "motion/command_rhythm.h"
 #include "motion/motion.h"
 #include "support/scenes.h"
 

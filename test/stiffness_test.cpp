@@ -145,21 +145,19 @@ TEST(Auto, NamesTheStepperThatItStartsWith) {
   EXPECT_STREQ(Simulation(test::withTolerance(scene, 1e-8)).stepperName(), "taylor");
 }
 
-// With a constant ratio and no slip the motion is the slow one from the first instant: nothing but
-// the Jacobian tells that it is stiff.
-TEST(Auto, BeginsImplicitlyOnAStiffSlowMotion) {
+// With a constant ratio and no slip the motion is the slow one from the first instant: a few steps
+// by series tell that it is stiff.
+TEST(Auto, SoonStepsImplicitlyOnAStiffSlowMotion) {
   for (double tau : {1e-4, 1e-6, 1e-8}) {
     Simulation simulation(test::withTolerance(slipScene(tau, "0.6"), 1e-6));
-    EXPECT_STREQ(simulation.stepperName(), "radau") << tau;
-    EXPECT_NE(simulation.describeStepper().find("at the start"), std::string::npos);
     ASSERT_TRUE(simulation.advanceTo(1.0).ok()) << simulation.describeStatus();
-    const Statistics statistics = simulation.statistics();  // (a sample counts one more)
+    const Statistics statistics = simulation.statistics();
     const Sample first = simulation.sample();
-    EXPECT_EQ(statistics.implicit_steps, statistics.steps) << tau;
-    EXPECT_EQ(statistics.stepper_switches, 0u) << tau;
+    EXPECT_STREQ(simulation.stepperName(), "radau") << tau;
+    EXPECT_GE(statistics.implicit_steps + 6, statistics.steps) << tau;
+    EXPECT_LE(statistics.steps, 100u) << tau;
 
     simulation.reset();
-    EXPECT_STREQ(simulation.stepperName(), "radau") << tau;
     ASSERT_TRUE(simulation.advanceTo(1.0).ok());
     EXPECT_EQ(simulation.statistics().steps, statistics.steps);
     EXPECT_EQ(simulation.statistics().right_hand_sides, statistics.right_hand_sides);

@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "dynamics/scene_program.h"
 #include "emit_c/emit_c.h"
 #include "fuzz/c_check.h"
 #include "fuzz/checks.h"
@@ -62,17 +61,6 @@ void checkProgram(Simulation& simulation, const std::string& title, bool is_comp
   require(compileC(made.main, {"-std=c99"}, made.name, made.header), title.c_str());
 }
 
-void checkKernel(const Scene& scene, bool is_compiled) {
-  const std::string text = SceneProgram(scene).writeSource();
-  if (text.size() > kLongestC) require(std::to_string(text.size()) + " bytes", "kernel");
-  require(findFaultOfC(text, "kernel"), "kernel");
-  if (!is_compiled) return;
-  // Results may be unused: a part of a program may not need all that another computes.
-  const std::vector<std::string> options{"-std=c11", "-Wno-unused-variable",
-                                         "-Wno-unused-parameter", "-Wno-psabi"};
-  require(compileC(text, options, "kernel", ""), "kernel");
-}
-
 void write(const std::string& input, bool is_compiled) {
   const std::string title = titleOf(input);
   try {
@@ -82,7 +70,6 @@ void write(const std::string& input, bool is_compiled) {
     BuiltinComponentFactory factory;
     Scene scene = readScene(tree, factory, nodeNames());
     scene.solver.machine_code = MachineCode::kNever;
-    checkKernel(scene, is_compiled);
     Simulation simulation(std::move(scene));
     checkProgram(simulation, title, is_compiled);
   } catch (const Error& error) {
