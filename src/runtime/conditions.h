@@ -144,11 +144,11 @@ VS_FUNCTION_RARE int vs_scaled_lead(const scene_series* it, int h, int mode, Rea
   return 0;
 }
 
-/* The larger line. */
+/* The larger line, by the coefficients of its lead up to `last`. */
 VS_FUNCTION_RARE int vs_line(const scene_series* it, int h, int s, int last) {
   Real c[VS_STRIDE];
   int n;
-  vs_lead(it, h, s, 0, last, c);
+  vs_lead(it, h, s, 0, it->order, c); /* (What is noise is told by the next one, too.) */
   for (n = 0; n <= last && vs_is_noise(it, h, VS_OF_TORQUE, n, c); ++n) c[n] = 0.0;
   return vs_first_sign(c, last) < 0.0;
 }
