@@ -11,8 +11,7 @@
 ///     after:    the next length, another stepper (StepperChoice)
 ///
 /// Steps of fixed size go through the same loop: theirs is accepted when it exists. Over an event
-/// the motion is a series (EventCrossing), at rest it is not stepped at all (StepPhase): both
-/// answer for the present as a step does.
+/// the motion is a series (EventCrossing), which answers for the present as a step does.
 ///
 /// Times inside (of nodes, of inputs' closed forms) are counted from the last beginning.
 #pragma once

@@ -22,7 +22,7 @@ class KernelLibrary {
   /// A text that contains this is compiled in several units in parallel, one per processor, each
   /// with another `UNIT` of `UNITS`: definitions common to all of them have to be static.
   static constexpr const char* kUnits = "#ifndef UNITS\n#define UNITS 1\n#define UNIT 0\n#endif\n";
-  /// Enclose text of the first or of the last unit alone.
+  /// Enclose text of the last unit alone.
   static constexpr const char* kLastUnit = "#if UNIT == UNITS - 1\n";
   static constexpr const char* kEndOfUnit = "#endif\n";
 

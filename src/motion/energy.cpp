@@ -6,10 +6,6 @@
 namespace variator_sim {
 namespace {
 
-/// Angle, rad, from which on C counts as turned.
-constexpr double kTurned = 0.01;
-/// Factor above the tolerance's effect from which on an energy is certain.
-constexpr double kCertain = 100.0;
 constexpr int kHalvings = 4;
 
 }  // namespace
@@ -20,23 +16,12 @@ EnergyMeter::EnergyMeter(Integrator& integrator, System& system)
       drivetrain_(system.drivetrain()),
       tolerance_{system.scene().solver.absolute_tolerance,
                  system.scene().solver.relative_tolerance},
-      is_watched_(system.scene().principle == Principle::kGeneralizedGauss &&
-                  !drivetrain_.hasConstantJacobian() && drivetrain_.constraintCount() > 0) {}
+      balance_(system.scene(), drivetrain_.hasConstantJacobian(), kMaxShafts) {}
 
 void EnergyMeter::begin() {
   const State& x = integrator_.stepEnd().x;
-  resume({}, 0.0);
-  account_.start_kinetic = drivetrain_.calcKineticEnergy(x.data(), x.data() + S);
-  for (int m = 0; m < drivetrain_.constraintCount() && is_watched_; ++m) {
-    calcDirection(integrator_.rows()[m], account_.directions[m]);
-  }
-}
-
-void EnergyMeter::resume(const EnergyAccount& account, double time) {
-  account_ = account;
-  judged_at_ = time;
-  applied_before_ = account.applied;
-  before_ = doubtAtFront();
+  balance_.begin(drivetrain_.calcKineticEnergy(x.data(), x.data() + S));
+  if (balance_.isWatched()) balance_.noteDirections(integrator_.rows()[0], x.data());
 }
 
 void EnergyMeter::noteStep() {
@@ -45,10 +30,9 @@ void EnergyMeter::noteStep() {
   const double h = to.time - from.time;
   const Power begin = powerOf(from);
   const Power end = powerOf(to);
-  applied_before_ = account_.applied;
-  before_ = doubtAtFront();
-  addStep(h, begin, end, is_tracked_ ? calcWork(1.0) : estimateWork(h, begin, end));
-  if (is_watched_) watch(to.time, to.x.data(), integrator_.rows());
+  const double work = is_tracked_ ? calcWork(1.0) : estimateWork(h, begin, end);
+  balance_.noteStep(drivetrain_.origin() + to.time, work, 0.5 * h * (begin.through + end.through),
+                    to.x.data(), to.x.data() + S, integrator_.rows()[0]);
 }
 
 void EnergyMeter::cut(const StepNode& present) {
@@ -58,23 +42,24 @@ void EnergyMeter::cut(const StepNode& present) {
   calcTorque(end.time, end.x, end.torque.data());
   const Power begin = powerOf(from);
   const Power power = powerOf(end);
-  account_.throughput = before_.throughput + 0.5 * h * (begin.through + power.through);
+  double work = 0.0;
   if (is_tracked_) {
-    account_.applied = applied_before_ + calcWork(h / (integrator_.stepEnd().time - from.time));
+    work = calcWork(h / (integrator_.stepEnd().time - from.time));
   } else {
     // The rate at the end is not known for order 3.
     const double bend = h * begin.rate - (power.value - begin.value);
     const bool is_bend_small = std::abs(bend) <= std::abs(begin.value) + std::abs(power.value);
-    account_.applied = applied_before_ + 0.5 * h * (begin.value + power.value) +
-                       (is_bend_small ? h / 6.0 * bend : 0.0);
+    work = 0.5 * h * (begin.value + power.value) + (is_bend_small ? h / 6.0 * bend : 0.0);
   }
-  if (is_watched_) judge(present.time, present.x.data());
+  balance_.cut(drivetrain_.origin() + end.time, balance_.appliedBefore() + work,
+               balance_.throughputBefore() + 0.5 * h * (begin.through + power.through),
+               end.x.data(), end.x.data() + S);
 }
 
 double EnergyMeter::calcApplied(double now) const {
-  if (!integrator_.inside().contains(now)) return account_.applied;
+  if (!integrator_.inside().contains(now)) return balance_.account().applied;
   const double begin = integrator_.stepStart().time;
-  return applied_before_ + calcWork((now - begin) / (integrator_.stepEnd().time - begin));
+  return balance_.appliedBefore() + calcWork((now - begin) / (integrator_.stepEnd().time - begin));
 }
 
 double EnergyMeter::calcWork(double part) const {
@@ -93,15 +78,8 @@ double EnergyMeter::calcWork(double part) const {
 }
 
 Energy EnergyMeter::calcEnergy(const Sample& sample, double now) {
-  Energy energy;
-  energy.applied = calcApplied(now);
-  energy.kinetic = drivetrain_.calcKineticEnergy(sample.angle, sample.velocity);
-  energy.reactions = energy.kinetic - account_.start_kinetic - energy.applied;
-  for (int i = 0; i < S; ++i) {
-    energy.applied_power += sample.applied_torque[i] * sample.velocity[i];
-    energy.reaction_power += sample.reaction_torque[i] * sample.velocity[i];
-  }
-  return energy;
+  return balance_.report(sample, drivetrain_.calcKineticEnergy(sample.angle, sample.velocity),
+                         calcApplied(now));
 }
 
 EnergyMeter::Power EnergyMeter::powerOf(const double* torque, const double* torque_rate,
@@ -121,51 +99,11 @@ void EnergyMeter::calcTorque(double t, const State& x, double* Q) const {
   drivetrain_.calcTorque(drivetrain_.view(t, x.data(), x.data() + S, x.data() + S), Q);
 }
 
-void EnergyMeter::addStep(double h, const Power& begin, const Power& end, double work) {
-  account_.throughput += 0.5 * h * (begin.through + end.through);
-  account_.applied += work;
-}
-
 double EnergyMeter::estimateWork(double h, const Power& begin, const Power& end) {
   const double correction = h / 6.0 * (begin.rate - end.rate);
   const double largest = std::max(std::abs(begin.value), std::abs(end.value));
   const double sum = begin.value + end.value;
   return 0.5 * h * (std::abs(correction) <= largest ? sum + correction : sum);
-}
-
-void EnergyMeter::calcDirection(const double* c, double* direction) const {
-  double square = 0.0;
-  for (int i = 0; i < S; ++i) {
-    direction[i] = c[i] / std::sqrt(drivetrain_.inertia().entry(i, i));
-    square += direction[i] * direction[i];
-  }
-  const double scale = 1.0 / std::sqrt(square);
-  for (int i = 0; i < S; ++i) direction[i] *= scale;
-}
-
-bool EnergyMeter::haveRowsTurned(const double (*rows)[kMaxShafts]) const {
-  for (int m = 0; m < drivetrain_.constraintCount(); ++m) {
-    double direction[kMaxShafts];
-    calcDirection(rows[m], direction);
-    double cosine = 0.0;
-    for (int i = 0; i < S; ++i) cosine += direction[i] * account_.directions[m][i];
-    if (1.0 - cosine * cosine > kTurned * kTurned) return true;
-  }
-  return false;
-}
-
-void EnergyMeter::judge(double time, const double* x) {
-  judged_at_ = drivetrain_.origin() + time;
-  account_.reactions =
-      drivetrain_.calcKineticEnergy(x, x + S) - account_.start_kinetic - account_.applied;
-  if (account_.doubt_since >= 0.0 || !account_.has_turned || !doubtAtFront().isShareLarge()) return;
-  // The uncertainty of T at this tolerance.
-  double uncertain = 0.0;
-  for (int i = 0; i < S; ++i) {
-    const double omega = x[S + i];
-    uncertain += drivetrain_.inertia().entry(i, i) * std::abs(omega) * tolerance_.of(omega);
-  }
-  if (std::abs(account_.reactions) > kCertain * uncertain) account_.doubt_since = judged_at_;
 }
 
 }  // namespace variator_sim

@@ -1,11 +1,4 @@
-/// The account of a motion's energy: its sources and its sinks.
-///
-///     T = 1/2 omega^T J omega        T' = sum Q_i omega_i + sum R_i omega_i
-///
-/// for J(phi) too: n, which R = J epsilon + n - Q has in it, is 1/2 J' omega^2. So
-///
-///     applied   = integral of sum Q_i omega_i
-///     reactions = T - T(0) - applied
+/// The energy account (energy_balance.h) of a motion by an integrator.
 ///
 /// One quadrature and exact bookkeeping: Q and omega are the most accurate values of a step, while
 /// R contains the accelerations, which dense output knows worst, and a quadrature of its own would
@@ -18,9 +11,8 @@
 
 #include "dynamics/system.h"
 #include "integrate/integrator.h"
-#include "variator_sim/motion_state.h"
+#include "motion/energy_balance.h"
 #include "variator_sim/sample.h"
-#include "variator_sim/status.h"
 
 namespace variator_sim {
 
@@ -69,8 +61,8 @@ class EnergyMeter {
   /// Begins the account at the integrator's step end.
   void begin();
   /// Returns the account up to the current time of a cut motion, and restores it.
-  const EnergyAccount& account() const { return account_; }
-  void resume(const EnergyAccount& account, double time);
+  const EnergyAccount& account() const { return balance_.account(); }
+  void resume(const EnergyAccount& account, double time) { balance_.resume(account, time); }
 
   /// Accounts for a step of the integrator; Q and Q' at both of its ends are known.
   void noteStep();
@@ -81,7 +73,7 @@ class EnergyMeter {
   /// Returns all energies at `sample`, taken at the node time `now`.
   Energy calcEnergy(const Sample& sample, double now);
   /// Returns the doubt at the last step end that is not after `time`, s since the start.
-  EnergyDoubt doubt(double time) const { return judged_at_ <= time ? doubtAtFront() : before_; }
+  EnergyDoubt doubt(double time) const { return balance_.doubt(time); }
 
  private:
   /// sum Q_i omega_i at a node, its rate, and sum |Q_i omega_i|.
@@ -98,7 +90,6 @@ class EnergyMeter {
   }
   void calcTorque(double t, const State& x, double* Q) const;
 
-  void addStep(double h, const Power& begin, const Power& end, double work);
   /// Returns the work of Q over the given part of the last step, by quadrature.
   double calcWork(double part) const;
   /// Returns the trapezoid with end corrections, of order 4; without them if the rates are too
@@ -107,29 +98,12 @@ class EnergyMeter {
   /// Returns the applied energy at `now`, J.
   double calcApplied(double now) const;
 
-  EnergyDoubt doubtAtFront() const {
-    return {account_.doubt_since, judged_at_, account_.reactions, account_.throughput};
-  }
-  /// Writes row c of C in coordinates in which J is 1 (but for inertia coupling), as a unit vector.
-  void calcDirection(const double* c, double* direction) const;
-  bool haveRowsTurned(const double (*rows)[kMaxShafts]) const;
-  void watch(double time, const double* x, const double (*rows)[kMaxShafts]) {
-    account_.has_turned = account_.has_turned || haveRowsTurned(rows);
-    judge(time, x);
-  }
-  /// Compares the energy of the reactions with the throughput of the applied torques.
-  void judge(double time, const double* x);
-
   const int S;  // shafts
   Integrator& integrator_;
   Drivetrain& drivetrain_;  // the system's
   const Tolerance tolerance_;
-  const bool is_watched_;
   bool is_tracked_ = false;
-  EnergyAccount account_;  // at the step end; reactions only if they are watched
-  double judged_at_ = 0.0;
-  double applied_before_ = 0.0;  // J, at the start of the last step
-  EnergyDoubt before_;           // at the start of the last step
+  EnergyBalance balance_;
 };
 
 }  // namespace variator_sim

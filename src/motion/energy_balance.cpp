@@ -7,17 +7,19 @@ namespace variator_sim {
 namespace {
 
 /// Angle, rad, from which on C counts as turned.
-constexpr double kTurnedAngle = 0.01;
+constexpr double kTurned = 0.01;
 /// Factor above the tolerance's effect from which on an energy is certain.
-constexpr double kCertainFactor = 100.0;
+constexpr double kCertain = 100.0;
 
 }  // namespace
 
-EnergyBalance::EnergyBalance(const Scene& scene, bool is_watched)
+EnergyBalance::EnergyBalance(const Scene& scene, bool are_rows_constant, int stride)
     : S(scene.shaftCount()),
       rows_(scene.constraintCount()),
-      solver_(scene.solver),
-      is_watched_(is_watched),
+      stride_(stride),
+      tolerance_{scene.solver.absolute_tolerance, scene.solver.relative_tolerance},
+      is_watched_(scene.principle == Principle::kGeneralizedGauss && rows_ > 0 &&
+                  !are_rows_constant),
       inertia_(scene.inertia, scene.inertia_harmonics) {}
 
 void EnergyBalance::begin(double kinetic) {
@@ -35,7 +37,7 @@ void EnergyBalance::resume(const EnergyAccount& account, double time) {
 
 void EnergyBalance::noteDirections(const double* rows, const double* angle) {
   if (!inertia_.isConstant()) inertia_.updateValue(angle);
-  for (int m = 0; m < rows_; ++m) calcDirection(rows + S * m, account_.directions[m]);
+  for (int m = 0; m < rows_; ++m) calcDirection(rows + stride_ * m, account_.directions[m]);
 }
 
 void EnergyBalance::noteStep(double time, double work, double through, const double* angle,
@@ -45,17 +47,28 @@ void EnergyBalance::noteStep(double time, double work, double through, const dou
   account_.throughput += through;
   account_.applied += work;
   if (!is_watched_) return;
-  judged_at_ = time;
   if (!inertia_.isConstant()) inertia_.updateValue(angle);
   account_.has_turned = account_.has_turned || haveRowsTurned(rows);
-  judge(velocity);
+  judge(time, angle, velocity);
 }
 
-void EnergyBalance::cut(double time, double applied, double less) {
-  account_.applied = applied_before_ = applied;
-  account_.throughput -= less;
-  judged_at_ = time;
-  before_ = doubtAtFront();
+void EnergyBalance::cut(double time, double applied, double throughput, const double* angle,
+                        const double* velocity) {
+  account_.applied = applied;
+  account_.throughput = throughput;
+  if (is_watched_) judge(time, angle, velocity);
+}
+
+Energy EnergyBalance::report(const Sample& sample, double kinetic, double applied) const {
+  Energy energy;
+  energy.applied = applied;
+  energy.kinetic = kinetic;
+  energy.reactions = energy.kinetic - account_.start_kinetic - energy.applied;
+  for (int i = 0; i < S; ++i) {
+    energy.applied_power += sample.applied_torque[i] * sample.velocity[i];
+    energy.reaction_power += sample.reaction_torque[i] * sample.velocity[i];
+  }
+  return energy;
 }
 
 double EnergyBalance::calcKineticEnergy(const double* velocity) const {
@@ -79,25 +92,26 @@ void EnergyBalance::calcDirection(const double* c, double* direction) const {
 bool EnergyBalance::haveRowsTurned(const double* rows) const {
   for (int m = 0; m < rows_; ++m) {
     double direction[kMaxShafts];
-    calcDirection(rows + S * m, direction);
+    calcDirection(rows + stride_ * m, direction);
     double cosine = 0.0;
     for (int i = 0; i < S; ++i) cosine += direction[i] * account_.directions[m][i];
-    if (1.0 - cosine * cosine > kTurnedAngle * kTurnedAngle) return true;
+    if (1.0 - cosine * cosine > kTurned * kTurned) return true;
   }
   return false;
 }
 
-void EnergyBalance::judge(const double* velocity) {
+void EnergyBalance::judge(double time, const double* angle, const double* velocity) {
+  judged_at_ = time;
+  if (!inertia_.isConstant()) inertia_.updateValue(angle);
   account_.reactions = calcKineticEnergy(velocity) - account_.start_kinetic - account_.applied;
   if (account_.doubt_since >= 0.0 || !account_.has_turned || !doubtAtFront().isShareLarge()) return;
   // The uncertainty of T at this tolerance.
   double uncertain = 0.0;
   for (int i = 0; i < S; ++i) {
-    const double omega = std::abs(velocity[i]);
-    uncertain += inertia_.entry(i, i) * omega *
-                 (solver_.absolute_tolerance + solver_.relative_tolerance * omega);
+    const double omega = velocity[i];
+    uncertain += inertia_.entry(i, i) * std::abs(omega) * tolerance_.of(omega);
   }
-  if (std::abs(account_.reactions) > kCertainFactor * uncertain) account_.doubt_since = judged_at_;
+  if (std::abs(account_.reactions) > kCertain * uncertain) account_.doubt_since = judged_at_;
 }
 
 }  // namespace variator_sim

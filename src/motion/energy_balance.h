@@ -10,8 +10,10 @@
 /// The account is a pure observer: it affects no step.
 #pragma once
 
+#include "dynamics/tolerance.h"
 #include "variator_sim/inertia.h"
 #include "variator_sim/motion_state.h"
+#include "variator_sim/sample.h"
 #include "variator_sim/scene.h"
 #include "variator_sim/status.h"
 
@@ -20,19 +22,22 @@ namespace variator_sim {
 /// All are [loop].
 class EnergyBalance {
  public:
-  /// `is_watched`: whether the share of the reactions is judged, which needs the rows of C.
-  EnergyBalance(const Scene& scene, bool is_watched);
+  /// The share of the reactions is watched, which needs the rows of C, unless these are constant or
+  /// of another principle. `stride`: from one row to the next.
+  EnergyBalance(const Scene& scene, bool are_rows_constant, int stride);
 
   bool isWatched() const { return is_watched_; }
   /// The account at the end of the last step. Its reactions are known where they are watched.
   const EnergyAccount& account() const { return account_; }
-  /// J, brought by the applied torques up to the start of the last step.
+  /// The applied energy and the throughput up to the start of the last step, J.
   double appliedBefore() const { return applied_before_; }
+  double throughputBefore() const { return before_.throughput; }
 
-  /// Begins at rest of the account, or goes on from another one, at `time`, s.
+  /// Begins an account at time 0, where T is `kinetic`, J.
   void begin(double kinetic);
+  /// Goes on from another account at `time`, s.
   void resume(const EnergyAccount& account, double time);
-  /// Notes the directions of the rows of C at the start, K x S, and J at the angles there.
+  /// Notes the directions of the rows of C, K x S, at the start, where the angles are `angle`.
   void noteDirections(const double* rows, const double* angle);
   bool hasDirections() const { return account_.directions[0][0] != kUnknown; }
 
@@ -40,8 +45,13 @@ class EnergyBalance {
   /// sum Q_i omega_i and its magnitudes, J. `rows`: C at its end, K x S, if they are watched.
   void noteStep(double time, double work, double through, const double* angle,
                 const double* velocity, const double* rows);
-  /// Cuts that step at `time`: `applied` until then, and its throughput less by `less`, J.
-  void cut(double time, double applied, double less);
+  /// Cuts that step at `time`, s, and the state there, where the account is `applied` and
+  /// `throughput`, J.
+  void cut(double time, double applied, double throughput, const double* angle,
+           const double* velocity);
+
+  /// Returns all energies and powers of `sample`, where T and the applied energy are these, J.
+  Energy report(const Sample& sample, double kinetic, double applied) const;
 
   /// Returns the doubt at the last step end that is not after `time`, s since the start.
   EnergyDoubt doubt(double time) const { return judged_at_ <= time ? doubtAtFront() : before_; }
@@ -52,16 +62,17 @@ class EnergyBalance {
   EnergyDoubt doubtAtFront() const {
     return {account_.doubt_since, judged_at_, account_.reactions, account_.throughput};
   }
-  double calcKineticEnergy(const double* velocity) const;
+  double calcKineticEnergy(const double* velocity) const;  ///< of J as it was computed last
   /// Writes row c of C in coordinates in which J is 1 (but for inertia coupling), as a unit vector.
   void calcDirection(const double* c, double* direction) const;
   bool haveRowsTurned(const double* rows) const;
-  /// Compares the energy of the reactions with the throughput of the applied torques.
-  void judge(const double* velocity);
+  /// Compares the energy of the reactions with the throughput of the applied torques at `time`.
+  void judge(double time, const double* angle, const double* velocity);
 
   const int S;  // shafts
   const int rows_;
-  const SolverSettings& solver_;
+  const int stride_;
+  const Tolerance tolerance_;
   const bool is_watched_;
   Inertia inertia_;
   EnergyAccount account_;

@@ -11,19 +11,14 @@ namespace variator_sim {
 
 Motion::Motion(Scene its_scene, const Shortcuts& shortcuts, const Motion* like)
     : MotionBase(std::move(its_scene)),
-      system(scene, shortcuts, like != nullptr ? &like->system : nullptr),
+      finder(scene, shortcuts, like != nullptr ? &like->finder : nullptr),
+      system(finder.system()),
       drivetrain(system.drivetrain()),
       integrator(system, scene),
       energy_meter(integrator, system),
-      start_(system),
       first_(system.size()) {
-  // Before the start: the search for it uses the machine code, too.
-  if (like != nullptr) useCodeOf(*like);
   reset();
-  if (start_.result == InitialResult::kInconsistent || start_.result == InitialResult::kNotFound ||
-      start_.result == InitialResult::kNotUnique || start_.result == InitialResult::kDoubtful) {
-    throwInitialError(system, scene, start_);
-  }
+  finder.requireConsistency();
 }
 
 // --- start -----------------------------------------------------------------------------------
@@ -36,26 +31,22 @@ void Motion::reset() {
   integrator.reset();
   if (knows_first_) {
     // The accelerations of least reaction are the same every time; commands come later.
-    start_.result = InitialResult::kConsistent;
     integrator.beginAt(first_);
     energy_meter.begin();
     return;
   }
   start();
   // (If accelerations are no part of the state, a start also leaves guesses of them.)
-  knows_first_ =
-      system.integratesTorque() && start_.result == InitialResult::kConsistent && status().ok();
+  knows_first_ = system.integratesTorque() && status().ok();
   first_ = integrator.stepEnd().x;
 }
 
 void Motion::start() {
   forgetSample();
-  start_.x.fill(0.0);
-  start_.result = system.start(start_.x, start_.nearest, &start_.velocities_at_fault);
-  if (start_.result == InitialResult::kConsistent) {
-    integrator.beginFirstAt(start_.x);
+  if (finder.findFirst()) {
+    integrator.beginFirstAt(finder.x());
   } else {
-    integrator.beginNowhere(start_.x, diagnoseStart(system, start_));
+    integrator.beginNowhere(finder.x(), finder.explainStart());
   }
   energy_meter.begin();
 }

@@ -6,9 +6,9 @@
 
 #include "dynamics/system.h"
 #include "integrate/integrator.h"
-#include "motion/diagnosis.h"
 #include "motion/energy.h"
 #include "motion/motion_base.h"
+#include "motion/state_finder.h"
 
 namespace variator_sim {
 
@@ -53,7 +53,8 @@ struct Motion final : MotionBase {
   /// when the motion stopped.
   bool cutStep(StepNode* node);
 
-  System system;
+  StateFinder finder;
+  System& system;          ///< the finder's
   Drivetrain& drivetrain;  ///< the system's
   Integrator integrator;
   EnergyMeter energy_meter;
@@ -73,7 +74,6 @@ struct Motion final : MotionBase {
   /// Computes the state at time 0 with the inputs as they are.
   void start();
 
-  Start start_;  // the last start searched for
   State first_;  // at time 0, with the inputs as the scene has them
   bool knows_first_ = false;
   double sampled_at_ = 0.0;  // as nodes count it: the current time, or just behind an event there

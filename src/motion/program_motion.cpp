@@ -15,6 +15,12 @@ namespace {
 /// s: the longest step, whose powers do not overflow.
 constexpr double kLongestStep = 1e6;
 
+Shortcuts withoutSeries() {
+  Shortcuts shortcuts;
+  shortcuts.has_series = false;
+  return shortcuts;
+}
+
 }  // namespace
 
 StopReason ProgramMotion::reasonOf(scene_status status) {
@@ -45,15 +51,15 @@ ProgramMotion::ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgra
                              bool has_finder, const ProgramMotion* like)
     : MotionBase(std::move(its_scene)),
       program_(std::move(program)),
-      finder_(has_finder ? std::make_unique<StateFinder>(
-                               scene, like != nullptr ? like->finder_.get() : nullptr)
-                         : nullptr),
+      finder_(has_finder
+                  ? std::make_unique<StateFinder>(scene, withoutSeries(),
+                                                  like != nullptr ? like->finder_.get() : nullptr)
+                  : nullptr),
       host_(hostMotion(*program_)),
       past_(*program_),
       progress_(scene.solver.maximum_steps),
-      energy_(scene, has_finder && scene.principle == Principle::kGeneralizedGauss &&
-                         scene.constraintCount() > 0 &&
-                         !finder_->system().drivetrain().hasConstantJacobian()) {
+      energy_(scene, !has_finder || finder_->system().drivetrain().hasConstantJacobian(),
+              scene.shaftCount()) {
   it_.state = state_;
   it_.multiplier = multiplier_;
   it_.reaction = reaction_;
@@ -254,7 +260,7 @@ void ProgramMotion::explainStop() {
   // (Where a formula has no series steps end, too.)
   if (status_.reason == StopReason::kNonFiniteValue) status_.reason = StopReason::kStepUnderflow;
   finder_->enterInputs(now, frontTime());
-  finder_->explainStop(0.0, state_, longest_, &status_);
+  finder_->explainStop(state_, longest_, &status_);
 }
 
 // --- commands --------------------------------------------------------------------------------
@@ -262,7 +268,8 @@ void ProgramMotion::explainStop() {
 bool ProgramMotion::cut() {
   if (!has_step_) return true;
   const double at = insideStep(time);
-  cutEnergy(at);
+  double through = 0.0;
+  const double work = host_->calcWork(at, &through);
   if (at < it_.event) {  // the modes at its end have not come
     statistics_.mode_changes -= last_events_;
     event_count_ -= last_events_;
@@ -273,6 +280,8 @@ bool ProgramMotion::cut() {
   }
   host_->leave(&it_);
   has_step_ = is_still_ = false;
+  energy_.cut(time, energy_.appliedBefore() + work, energy_.throughputBefore() + through, state_,
+              state_ + scene.shaftCount());
   return true;
 }
 
@@ -370,16 +379,10 @@ StateView ProgramMotion::view() {
 Energy ProgramMotion::calcEnergy() {
   Sample& now = sample();
   double through = 0.0;
-  Energy energy;
-  energy.kinetic = kinetic_;
-  energy.applied = has_step_ ? energy_.appliedBefore() + host_->calcWork(insideStep(time), &through)
+  const double applied = has_step_
+                             ? energy_.appliedBefore() + host_->calcWork(insideStep(time), &through)
                              : energy_.account().applied;
-  energy.reactions = energy.kinetic - energy_.account().start_kinetic - energy.applied;
-  for (int i = 0; i < scene.shaftCount(); ++i) {
-    energy.applied_power += now.applied_torque[i] * now.velocity[i];
-    energy.reaction_power += now.reaction_torque[i] * now.velocity[i];
-  }
-  return energy;
+  return energy_.report(now, kinetic_, applied);
 }
 
 double ProgramMotion::calcKineticEnergy() {
@@ -388,7 +391,8 @@ double ProgramMotion::calcKineticEnergy() {
 }
 
 void ProgramMotion::noteEnergy() {
-  const double work = host_->calcWork(it_.made, &through_);
+  double through = 0.0;
+  const double work = host_->calcWork(it_.made, &through);
   if (energy_.isWatched()) {
     if (!energy_.hasDirections()) {
       host_->look(0.0, entries_.data());
@@ -396,14 +400,8 @@ void ProgramMotion::noteEnergy() {
     }
     host_->look(it_.made, entries_.data());
   }
-  energy_.noteStep(frontTime(), work, through_, state_, state_ + scene.shaftCount(),
+  energy_.noteStep(frontTime(), work, through, state_, state_ + scene.shaftCount(),
                    entries_.data());
-}
-
-void ProgramMotion::cutEnergy(double at) {
-  double through = 0.0;
-  const double applied = energy_.appliedBefore() + host_->calcWork(at, &through);
-  energy_.cut(time, applied, through_ - through);
 }
 
 // --- changes of modes ------------------------------------------------------------------------

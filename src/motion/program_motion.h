@@ -72,9 +72,6 @@ class ProgramMotion final : public MotionBase {
   void recover() override;
 
   void noteEnergy();
-  /// Writes the energy account up to the current time, where the last step is cut.
-  void cutEnergy(double at);
-
   /// Returns that of the current sample, J.
   double calcKineticEnergy();
 
@@ -162,7 +159,6 @@ class ProgramMotion final : public MotionBase {
   bool is_energy_tracked_ = false;
   EnergyBalance energy_;
   double kinetic_ = 0.0;         ///< J, of the last sample
-  double through_ = 0.0;         ///< J, that the last step has brought and taken
   std::vector<double> entries_;  ///< of C at the end of the last step, by rows
 };
 

@@ -7,8 +7,8 @@
 
 namespace variator_sim {
 
-/// Counts what is made, steps and terms of rest, within one second of simulated time. It is not
-/// counted by advance: how a motion is cut may not change it.
+/// Counts the steps that are made within one second of simulated time. They are not counted by
+/// advance: how a motion is cut may not change it.
 class Progress {
  public:
   /// At most `most` within a second.

@@ -3,22 +3,8 @@
 #include <string>
 
 #include "motion/motion.h"
-#include "motion/stop_message.h"
 
 namespace variator_sim {
-
-namespace {
-
-State valuesOf(const MotionState& state, const System& system) {
-  const int S = system.shafts();
-  State x(system.size());
-  std::copy_n(state.angle, S, x.begin());
-  std::copy_n(state.velocity, S, x.begin() + S);
-  if (x.size() > 2 * S) std::copy_n(state.acceleration, S, x.begin() + 2 * S);
-  return x;
-}
-
-}  // namespace
 
 bool Motion::saveState(MotionState* state) {
   settle();
@@ -60,38 +46,21 @@ const MotionStatus& Motion::beginFrom(const MotionState& state, const State& x,
 std::string Motion::setState(const MotionState& state, bool project) {
   MotionState before;
   if (!saveState(&before)) return "the motion has stopped";
-  for (int i = 0; i < drivetrain.inputCount(); ++i) {
-    drivetrain.signal(i) = state.signal[i];
-  }
-  drivetrain.setOrigin(state.time);
-  drivetrain.refreshInputs(0.0);
-  const State given = valuesOf(state, system);
-  Start start(system);
-  double epsilon[kMaxShafts];
-  const auto accept = [&](bool may_move) {
-    start.x = given;
-    std::copy_n(state.acceleration, system.shafts(), epsilon);
-    const bool are_given = state.is_acceleration_given || state.history.exists;
-    start.result = system.accept(0.0, may_move, are_given, start.x, epsilon, start.nearest,
-                                 &start.velocities_at_fault);
-    return start.result == InitialResult::kConsistent;
-  };
+  finder.enterInputs(state.signal, state.time);
   std::string fault;
   // A saved state that is consistent continues to the bit; a written one is polished.
-  const bool is_saved = state.history.exists && accept(false);
-  if (is_saved || accept(project)) {
-    const MotionStatus& result =
-        is_saved ? beginFrom(state, given, state.acceleration) : beginFrom(state, start.x, epsilon);
+  const bool is_saved = state.history.exists && finder.accept(state, false);
+  if (is_saved || finder.accept(state, project)) {
+    const MotionStatus& result = is_saved
+                                     ? beginFrom(state, finder.valuesOf(state), state.acceleration)
+                                     : beginFrom(state, finder.x(), finder.acceleration());
     if (!result.ok()) {
       fault = std::string("the motion cannot go on from there: ") + toString(result.reason);
     }
   } else {
-    start.x = given;
-    fault = describeInconsistency(system, start, state.acceleration);
+    fault = finder.describeInconsistency(state);
   }
-  if (!fault.empty()) {
-    beginFrom(before, valuesOf(before, system), before.acceleration);
-  }
+  if (!fault.empty()) beginFrom(before, finder.valuesOf(before), before.acceleration);
   return fault;
 }
 

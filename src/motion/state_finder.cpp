@@ -6,19 +6,8 @@
 
 namespace variator_sim {
 
-namespace {
-
-Shortcuts withoutSeries() {
-  Shortcuts shortcuts;
-  shortcuts.has_series = false;
-  return shortcuts;
-}
-
-}  // namespace
-
-StateFinder::StateFinder(const Scene& scene, const StateFinder* like)
-    : system_(scene, withoutSeries(), like != nullptr ? &like->system_ : nullptr),
-      start_(system_) {}
+StateFinder::StateFinder(const Scene& scene, const Shortcuts& shortcuts, const StateFinder* like)
+    : system_(scene, shortcuts, like != nullptr ? &like->system_ : nullptr), start_(system_) {}
 
 void StateFinder::enterInputs(const CommandSignal* signals, double origin) {
   Drivetrain& drivetrain = system_.drivetrain();
@@ -35,11 +24,13 @@ bool StateFinder::findFirst() {
   return true;
 }
 
-void StateFinder::take(const MotionState& given) {
+State StateFinder::valuesOf(const MotionState& given) const {
   const int S = system_.shafts();
-  std::copy_n(given.angle, S, start_.x.begin());
-  std::copy_n(given.velocity, S, start_.x.begin() + S);
-  if (start_.x.size() > 2 * S) std::copy_n(given.acceleration, S, start_.x.begin() + 2 * S);
+  State x(system_.size());
+  std::copy_n(given.angle, S, x.begin());
+  std::copy_n(given.velocity, S, x.begin() + S);
+  if (x.size() > 2 * S) std::copy_n(given.acceleration, S, x.begin() + 2 * S);
+  return x;
 }
 
 bool StateFinder::accept(const MotionState& given, bool may_move) {
@@ -54,7 +45,7 @@ bool StateFinder::accept(const MotionState& given, bool may_move) {
 }
 
 bool StateFinder::tryState(const MotionState& given, double later, bool may_move) {
-  take(given);
+  start_.x = valuesOf(given);
   for (int i = 0; i < system_.shafts(); ++i) {
     start_.x[i] += later * given.velocity[i];
     start_.x[system_.shafts() + i] += later * given.acceleration[i];
@@ -100,21 +91,19 @@ void StateFinder::requireConsistency() {
 }
 
 std::string StateFinder::describeInconsistency(const MotionState& given) {
-  take(given);
+  start_.x = valuesOf(given);
   return variator_sim::describeInconsistency(system_, start_, given.acceleration);
 }
 
-void StateFinder::explainStop(double t, const double* state, const double* longest,
-                              MotionStatus* status) {
+void StateFinder::explainStop(const double* state, const double* longest, MotionStatus* status) {
   const int S = system_.shafts();
   StepNode front(system_);
-  front.time = t;
   std::copy_n(state, front.x.size(), front.x.begin());
   // Iterations start from these where the accelerations follow from the state.
   State slope(front.x.size());
   std::copy_n(state + 2 * S, S, slope.begin() + S);
-  system_.noteBase(t, front.x, slope);
-  system_(front.x, front.dxdt, t);
+  system_.noteBase(0.0, front.x, slope);
+  system_(front.x, front.dxdt, 0.0);
   diagnoseStop(system_, front, longest, status);
 }
 
