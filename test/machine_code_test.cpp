@@ -1,15 +1,10 @@
 // Motions by machine code: their bits are those of the interpreter.
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <cstring>
-#include <limits>
-#include <random>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "dynamics/drivetrain.h"
 #include "machine_code/kernel_library.h"
 #include "support/machine_code_folder.h"
 #include "support/played.h"

@@ -5,7 +5,6 @@
 #include <utility>
 #include <vector>
 
-#include "dynamics/scene_program.h"
 #include "motion_program/motion_program.h"
 #include "support/machine_code_folder.h"
 #include "support/played.h"

@@ -10,32 +10,38 @@ VS_FUNCTION int vs_are_given(const Real* values, const Real* given) {
   return 1;
 }
 
+/* The accelerations of a first state, which was `given`; see vs_start. */
+VS_FUNCTION scene_status vs_start_accelerations(scene_model* m, scene_series* it,
+                                                const scene_state* given, int are_given,
+                                                int may_move) {
+  Real lambda[MOST_CONSTRAINTS + 1] = {0.0};
+  scene_status status;
+  if (!are_given && !IS_CLASSICAL) {
+    Real* const least = IS_FORMAL ? m->now.multiplier : lambda;
+    status = vs_settle(m, it, VS_LEAST_REACTION, least, 0, 0.0, 50);
+    if (status != SCENE_OK || !IS_FORMAL) return status;
+  }
+  status = vs_settle_accelerations(m, it);
+  if (IS_CLASSICAL || !are_given || may_move) return status;
+  return vs_are_given(m->now.acceleration, given->acceleration) ? status : SCENE_INCONSISTENT;
+}
+
 /* The modes and the accelerations of a first state. are_given: those of the state are to be kept;
  * may_move: if not they nor the velocities satisfy the constraints, the nearest that do are taken.
  */
 VS_FUNCTION scene_status vs_start(scene_model* m, scene_series* it, int are_given, int may_move) {
   const scene_state given = m->now;
-  Real lambda[MOST_CONSTRAINTS + 1] = {0.0};
   scene_status status;
   vs_forget_modes(m);
   vs_enter_inputs(m, it, 0);
   status = vs_project_velocities(m, it);
   if (!may_move && !vs_are_given(m->now.velocity, given.velocity)) return SCENE_INCONSISTENT;
   if (status != SCENE_OK) return status;
-  if (IS_FORMAL) {
-    if (!are_given) status = vs_settle(m, it, VS_LEAST_REACTION, m->now.multiplier, 0, 0.0, 50);
-    if (status == SCENE_OK) status = vs_settle_accelerations(m, it);
-    if (status != SCENE_OK) return status;
-    if (are_given && !may_move && !vs_are_given(m->now.acceleration, given.acceleration))
-      return SCENE_INCONSISTENT;
+  if (IS_FORMAL || !TRANSMITS) {
+    status = vs_start_accelerations(m, it, &given, are_given, may_move);
+    if (status != SCENE_OK || !HOLDS) return status;
   }
-  if (HOLDS || (TRANSMITS && !IS_FORMAL)) return vs_decide_first(m);
-  if (IS_FORMAL) return SCENE_OK;
-  if (IS_CLASSICAL) return vs_settle_accelerations(m, it);
-  if (!are_given) return vs_settle(m, it, VS_LEAST_REACTION, lambda, 0, 0.0, 50);
-  status = vs_settle_accelerations(m, it);
-  return may_move || vs_are_given(m->now.acceleration, given.acceleration) ? status
-                                                                           : SCENE_INCONSISTENT;
+  return vs_decide_first(m);
 }
 
 /* The inputs become `next`: the accelerations jump where the value of one does (all of them

@@ -178,8 +178,13 @@ VS_FUNCTION scene_status vs_host_start(vs_host* h, scene_series* it, int are_giv
   return DELAYS > 0 ? status : vs_start(m, it, are_given, may_move);
 }
 
+/* True where the last step itself shows what is `at` s behind its start, and not its end. */
+VS_FUNCTION int vs_host_is_inside(const vs_host* h, double at) {
+  return h->made > 0.0 && at < h->event && at < h->made;
+}
+
 VS_FUNCTION void vs_host_forget_step(vs_host* h) {
-  h->made = h->model.at_rest = 0.0;
+  h->made = 0.0;
   h->model.is_begun = 0;
 }
 
@@ -325,7 +330,7 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
 VS_FUNCTION int vs_host_cut(vs_host* h, double at) {
   scene_model* const m = &h->model;
   int jumps;
-  if (h->made > 0.0 && at < h->event && at < h->made) {
+  if (vs_host_is_inside(h, at)) {
     const scene_state end = m->now;
     m->status = vs_host_go(h, at);
     if (m->status != SCENE_OK) m->now = end;
@@ -359,7 +364,7 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
   const scene_state end = m->now;
   scene_status status = SCENE_OK;
   int i, j, p;
-  if (h->made > 0.0 && at < h->event && at < h->made) {
+  if (vs_host_is_inside(h, at)) {
     status = vs_host_go(h, at);
   } else {
     it->unit = vs_unit_of(m->usual > 0.0 ? m->usual : 1e-3);

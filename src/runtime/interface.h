@@ -50,9 +50,7 @@ void scene_init(scene_model* m) {
     vs_hold_constant(&m->now.input[i], initial_input[i]);
     m->now.silence[i] = -1.0;
   }
-  if (TRANSMITS ||
-      (IS_CLASSICAL && IS_CURVED)) /* (It may lie in a corner, which is rounded here.) */
-    m->status = vs_start(m, &m->series[1], HAS_GIVEN_ACCELERATIONS, MAY_PROJECT);
+  if (TRANSMITS) m->status = vs_start(m, &m->series[1], HAS_GIVEN_ACCELERATIONS, MAY_PROJECT);
 }
 
 scene_status scene_command(scene_model* m, int input, double value) {

@@ -139,22 +139,14 @@ VS_FUNCTION scene_status vs_follow_least_reaction(scene_model* m, scene_series* 
     }
     m->now = before;
     part *= 0.25;
-    if (!(part > 1e-13)) return SCENE_NO_MOTION;
+    if (!(part > 1e-6)) return SCENE_NO_MOTION;
   }
   return SCENE_OK;
 }
 
 /* The accelerations of a state: those that the principle gives, or its own, on psi = 0. */
 VS_FUNCTION scene_status vs_settle_accelerations(scene_model* m, scene_series* it) {
-  if (IS_CLASSICAL) {
-    const scene_state before = m->now;
-    if (vs_settle(m, it, VS_LEAST_REACTION, m->now.multiplier, 0, 0.0, 50) == SCENE_OK)
-      return SCENE_OK;
-    m->now = before; /* (Newton's iteration leaps over a bend as sharp as a rounded corner.) */
-    if (vs_follow_least_reaction(m, it) == SCENE_OK) return SCENE_OK;
-    m->now = before;
-    return SCENE_NOT_CONVERGED;
-  }
+  if (IS_CLASSICAL) return vs_settle(m, it, VS_LEAST_REACTION, m->now.multiplier, 0, 0.0, 50);
   if (!HAS_RESIDUAL && !IS_FORMAL) return SCENE_OK;
   return vs_settle(m, it, IS_FORMAL ? VS_RESTORES : VS_ONTO_CONSTRAINTS, vs_transmitted(m), 0, 0.0,
                    25);

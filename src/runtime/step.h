@@ -208,6 +208,13 @@ VS_FUNCTION_RARE int vs_note_rounding(scene_model* m) {
   return m->rounding > seriesLarger(0.05, before);
 }
 
+VS_FUNCTION_INLINE void vs_forget_rounding(scene_model* m) {
+  int i;
+  if (m->rounding == 0.0) return;
+  m->rounding = 0.0;
+  for (i = 0; i < S; ++i) m->noise[i] = 0.0;
+}
+
 /* Moves to theta or behind an event. *defect: see vs_defect; *why: what makes it infinite. */
 VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, double* defect,
                                 scene_status* why) {
@@ -271,18 +278,47 @@ VS_FUNCTION scene_status vs_land(scene_model* m, const vs_event* at, double* the
   return SCENE_OK;
 }
 
+/* True unless a guard may do up to theta what its polynomial through stages does not show: of a
+ * function that is not seen into only values between the stages tell. */
+VS_FUNCTION_RARE int vs_are_guards_shown(scene_model* m, const vs_event* at, double theta) {
+  enum { VS_POINTS = 7 };
+  const scene_series* const it = vs_series(m);
+  scene_series* const w = &m->series[1 - m->present];
+  const scene_state base = m->now;
+  vs_law_values unused;
+  int g, n, are_shown = 1;
+  for (n = 0; n < VS_POINTS && are_shown && SIGNS + TABLES > 0; ++n) {
+    const double part = theta * (n + 0.5) / VS_POINTS;
+    vs_look_from(m, w, &base, at, part, &unused);
+    for (g = 0; g < SIGNS + TABLES; ++g) {
+      const Real* const c = vs_guard(it, g);
+      const double x = vs_guard(w, g)[0], off = fabs(x - vs_evaluate(c, it->order, part));
+      double low, high;
+      vs_find_range(it, g, c[0] == 0.0 && g < SIGNS ? vs_first_sign(c, it->order) : (double)c[0],
+                    &low, &high);
+      if (off <= 1e-3 * vs_tolerance(it, x)) continue;
+      are_shown = are_shown && seriesSmaller(x - low, high - x) > 2.0 * off;
+    }
+  }
+  m->now = base;
+  return are_shown;
+}
+
+/* Polynomials of an implicit step, or, where there is none, series. */
+VS_FUNCTION scene_status vs_expand_either(scene_model* m, double limit) {
+  const scene_status status = vs_expand_implicitly(m, limit);
+  if (status == SCENE_OK || !HAS_SERIES) return status;
+  vs_give_up_implicit(m);
+  return vs_expand(m, limit);
+}
+
 /* Polynomials of a step of at most `limit` s, by the method that was chosen. */
 VS_FUNCTION scene_status vs_find_polynomials(scene_model* m, double limit) {
-  scene_status status;
-  if (!HAS_SERIES) return vs_expand_implicitly(m, limit);
   /* (Series make a step that is no longer than theirs.) */
-  if (CHOOSES_METHOD && m->choice.method == VS_IMPLICIT && limit > m->choice.by_series) {
-    status = vs_expand_implicitly(m, limit);
-    if (status == SCENE_OK) return status;
-    vs_give_up_implicit(m);
-  }
-  status = vs_expand(m, limit);
-  if (!CHOOSES_METHOD || status != SCENE_NOT_FINITE) return status;
+  const int is_implicit = !HAS_SERIES || (CHOOSES_METHOD && m->choice.method == VS_IMPLICIT &&
+                                          limit > m->choice.by_series);
+  scene_status status = is_implicit ? vs_expand_either(m, limit) : vs_expand(m, limit);
+  if (!HAS_SERIES || !CHOOSES_METHOD || status != SCENE_NOT_FINITE) return status;
   vs_go_around(m);
   status = vs_expand_implicitly(m, limit);
   return status == SCENE_TOO_MANY_STEPS ? SCENE_NOT_FINITE : status;
@@ -317,12 +353,8 @@ VS_FUNCTION vs_event vs_find_first(scene_model* m, double* theta, scene_status* 
       round = 0;
     }
     if (is_inside && round++ < VS_MOST_ROUNDS) {
-      *status = vs_expand_implicitly(m, h);
-      if (*status != SCENE_OK && !HAS_SERIES) return at;
-      if (*status != SCENE_OK) {
-        vs_give_up_implicit(m);
-        *status = vs_expand(m, h);
-      }
+      *status = vs_expand_either(m, h);
+      if (*status != SCENE_OK) return at;
       *theta = seriesSmaller(h, m->usual) / vs_series(m)->unit;
       if (!vs_series(m)->is_implicit) return vs_find_event(m, vs_series(m), theta, -1, 1);
     } else if (!has_elements) {
@@ -386,12 +418,13 @@ VS_FUNCTION int vs_is_still(const scene_series* it, double theta) {
 /* The step to theta, of h s, has been made. */
 VS_FUNCTION scene_status vs_accept(scene_model* m, const vs_event* at, double theta, double h,
                                    int is_smooth) {
-  int rest;
+  const int is_long = h >= seriesSmaller(1.0, 0.99 * MAXIMUM_STEP);
+  const int is_asked = RESTS && is_smooth && (is_long || m->at_rest > 0.0);
+  const int rest = is_asked ? vs_is_still(vs_series(m), theta) : 0;
   vs_choose_method(m, vs_series(m), h);
-  rest = RESTS && is_smooth ? vs_is_still(vs_series(m), theta) : 0;
   if (rest == 0)
     m->at_rest = 0.0;
-  else if (h >= seriesSmaller(1.0, 0.99 * MAXIMUM_STEP)) /* (Rounding drives a longer one.) */
+  else if (is_long) /* (Rounding drives a longer one.) */
     m->at_rest =
         seriesLarger(m->at_rest, rest > 1 ? 1e6 : seriesSmaller(2.0 * h, 100.0 * MAXIMUM_STEP));
   if (is_smooth) {
@@ -404,13 +437,6 @@ VS_FUNCTION scene_status vs_accept(scene_model* m, const vs_event* at, double th
   ++m->steps;
   if (h > 1e-9 * seriesLarger(1.0, m->now.time)) m->series[0].slack = m->series[1].slack = 0.0;
   return TRANSMITS && !is_smooth ? vs_decide(m, 0) : SCENE_OK;
-}
-
-VS_FUNCTION_INLINE void vs_forget_rounding(scene_model* m) {
-  int i;
-  if (m->rounding == 0.0) return;
-  m->rounding = 0.0;
-  for (i = 0; i < S; ++i) m->noise[i] = 0.0;
 }
 
 /* One step of at most `left` s; *made: how long it was. */

@@ -187,6 +187,8 @@ static Real vs_hides(const scene_series* it, const Real* powers, int last) {
 /* */
 #include "runtime/events.h"
 /* */
+#include "runtime/crossings.h"
+/* */
 #include "runtime/stages.h"
 /* */
 #include "runtime/implicit.h"
