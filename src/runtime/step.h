@@ -466,7 +466,17 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
     if (status == SCENE_OK && m->crossings > 20) return SCENE_CHATTERING;
     if (status == SCENE_OK && defect <= 1.0) {
       *made = h;
-      return vs_accept(m, &at, theta, h, is_smooth);
+      status = vs_accept(m, &at, theta, h, is_smooth);
+      if (status != SCENE_NO_MODES) return status;
+    }
+    if (status == SCENE_NO_MOTION || status == SCENE_NO_MODES) {
+      /* Nothing goes on behind the event: this step ends shortly before it, and the next one stops
+         there. */
+      m->now = before;
+      if (!is_met || !(at.theta * vs_series(m)->unit > 1e-9 * seriesLarger(1.0, m->now.time)))
+        return status;
+      theta = at.theta * (1.0 - 4e-12) - 64.0 * least / vs_series(m)->unit;
+      continue;
     }
     ++m->rejections;
     if ((trial % 4 == 2 || was_rounded || h < 1e-11 * seriesLarger(1.0, before.time)) &&
@@ -476,7 +486,6 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
       continue;
     }
     m->now = before;
-    if (status == SCENE_NO_MOTION) return status;
     part = isfinite(defect) && status == SCENE_OK
                ? 0.9 * pow(defect, -1.0 / (vs_series(m)->order + 1))
                : 0.5;
