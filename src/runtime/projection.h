@@ -291,7 +291,7 @@ VS_FUNCTION scene_status vs_jump(scene_model* m, scene_series* it, const Real* u
     for (i = 0; i < K && TRANSMITS; ++i) m->now.multiplier[i] += x[S + i];
     return SCENE_OK;
   }
-  for (steps = 0; steps < 20000 && theta < 1.0; ++steps) {
+  for (steps = 0; steps < 1000000 && theta < 1.0; ++steps) {
     const scene_state before = m->now;
     double norm = INFINITY;
     int is_good;
