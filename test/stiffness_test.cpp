@@ -486,6 +486,20 @@ TEST(Linearization, RefusesAMatrixThatIsNotFinite) {
   EXPECT_FALSE(linearization.factorComplex(0, {0.1, 0.1}));
 }
 
+// Rounding of the velocities, 1/tau times as large in the accelerations, is all that is left at
+// such a tolerance: shorter steps would not lessen it.
+TEST(Auto, TakesFewStepsWhereRoundingOfASlipIsTheTolerance) {
+  for (const double tau : {1e-7, 1e-8}) {
+    const Result coarse = run(slipScene(tau), StepperKind::kAuto, 1e-7, 2.0);
+    const Result fine = run(slipScene(tau), StepperKind::kAuto, 1e-10, 2.0);
+    EXPECT_LT(fine.statistics.steps + fine.statistics.rejected_steps, 200U) << tau;
+    for (int i = 0; i < 2; ++i) {
+      EXPECT_NEAR(fine.sample.velocity[i], coarse.sample.velocity[i], 1e-5) << tau;
+      EXPECT_NEAR(fine.sample.acceleration[i], coarse.sample.acceleration[i], 1e-4) << tau;
+    }
+  }
+}
+
 // --- fixed steps ------------------------------------------------------------------------------
 TEST(FixedSteps, AreAsManyAsTheDurationHolds) {
   const Scene scene = slipScene(0.1);

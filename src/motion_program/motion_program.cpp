@@ -259,7 +259,7 @@ void MotionProgram::setStages(const Scene& scene) {
   const int unknowns = SIZE + STATES;
   const int directions = 3 * S + STATES;
   SCENE_WORK = 3 * kStages * unknowns + 2 * (kStages + 1) * S + kStages * INPUT_ROW_COUNT +
-               3 * SCENE_ROWS + directions * (unknowns + S) +
+               3 * SCENE_ROWS + S + directions * (unknowns + S) +
                (1 + 2 * kPairs) * unknowns * unknowns;
   SCENE_PIVOTS = (1 + kPairs) * unknowns;
   if (CHOOSES_METHOD == 0) SCENE_WORK = SCENE_PIVOTS = 1;

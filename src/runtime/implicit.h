@@ -134,8 +134,8 @@ VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* 
       x[i] = seriesSmaller(
           fabs(between * vs_coefficient(of, of->method->stages - 1, it->row[ACCELERATION + i])),
           vs_last_term(of, it->row[ACCELERATION + i]));
-    norm = seriesLarger(norm, fabs(x[i]) / (vs_tolerance(it, it->row[ACCELERATION + i][0]) +
-                                            vs_acceleration_noise(it, of, i)));
+    norm = seriesLarger(
+        norm, fabs(x[i]) / (vs_tolerance(it, it->row[ACCELERATION + i][0]) + of->noise[i]));
     rest += 0.0 * x[i];
   }
   for (i = 0; i < STATES; ++i) {
@@ -295,6 +295,7 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
   for (i = 0; i < K; ++i) w->row[MULTIPLIER + i][0] = it->row[MULTIPLIER + i][0];
   if (!vs_find_reaction(w, of.R, of.P)) return SCENE_SINGULAR;
   vs_find_slopes(w, &from, &of);
+  vs_find_noise(it, &of);
   for (trial = 0; trial < 40 && of.h >= least; ++trial) {
     double part, shorter;
     if (trial > 0) {
@@ -345,7 +346,7 @@ VS_FUNCTION_RARE double vs_size_of_left(const scene_model* m, const scene_series
  * does, which the motion keeps.) */
 VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, double theta) {
   const scene_series* const it = vs_series(m);
-  enum { VS_MOST_ROUNDS = 20 };
+  enum { VS_MOST_ROUNDS = 60 };
   vs_stages of;
   double rate[MOST_INPUTS + 1], reaction[MOST_SHAFTS];
   const double enough = IS_CLASSICAL ? 0.1 : 0.01; /* tolerances */
@@ -364,7 +365,7 @@ VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, doub
   }
   vs_enter_inputs(m, w, 0);
   /* (C turns with time, and each round leaves a part of what psi is off.) */
-  for (round = 0; round < VS_MOST_ROUNDS && moved > enough && (round < 2 || moved < 0.5 * before);
+  for (round = 0; round < VS_MOST_ROUNDS && moved > enough && (round < 2 || moved < 0.9 * before);
        ++round) {
     vs_enter_state(m, w);
     if (!vs_find_reaction(w, x, of.P)) return;

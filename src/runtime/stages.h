@@ -36,6 +36,7 @@ typedef struct {
   double* slope;              /* of residuals, directions x unknowns */
   double* pull_slope;         /* of P, directions x S */
   double* values;             /* of all rows at three stages */
+  double* noise;              /* of accelerations, by rounding; S */
   double *real, *pair[VS_MOST_PAIRS];
   int *real_pivot, *pair_pivot[VS_MOST_PAIRS];
 } vs_stages;
@@ -56,6 +57,7 @@ VS_FUNCTION_RARE void vs_lay_out(scene_model* m, int which, vs_stages* of) {
   VS_PLACE(slope, DIRECTIONS * UNKNOWNS);
   VS_PLACE(pull_slope, DIRECTIONS * S);
   VS_PLACE(values, 3 * SCENE_ROWS);
+  VS_PLACE(noise, S);
   VS_PLACE(real, UNKNOWNS * UNKNOWNS);
   for (p = 0; p < VS_MOST_PAIRS; ++p) VS_PLACE(pair[p], 2 * UNKNOWNS * UNKNOWNS);
 #undef VS_PLACE
@@ -393,13 +395,31 @@ VS_FUNCTION_RARE int vs_factor_stages(const scene_series* w, const vs_stages* of
   return 1;
 }
 
-/* The part of acceleration i that rounding of the velocities makes. */
-VS_FUNCTION_RARE double vs_acceleration_noise(const scene_series* it, const vs_stages* of, int i) {
-  double moved = 0.0;
-  int q;
-  for (q = 0; q < S; ++q)
-    moved += fabs(of->slope[UNKNOWNS * (S + q) + i] * it->row[VELOCITY + q][0]);
-  return 4.0 * DBL_EPSILON * moved / vs_inertia(it, i, i);
+/* Finds the part of each acceleration that rounding of the velocities makes, by the torques and by
+ * psi, which moves the accelerations along J^-1 C'. */
+VS_FUNCTION_RARE void vs_find_noise(const scene_series* it, const vs_stages* of) {
+  int e, i, p, q;
+  for (i = 0; i < S; ++i) {
+    double moved = 0.0;
+    for (q = 0; q < S; ++q)
+      moved += fabs(of->slope[UNKNOWNS * (S + q) + i] * it->row[VELOCITY + q][0]);
+    of->noise[i] = 4.0 * DBL_EPSILON * moved / vs_inertia(it, i, i);
+  }
+  for (p = 0; p < K; ++p) {
+    double moved = 0.0, length = 0.0;
+    if (!vs_is_on(it, p)) continue;
+    for (q = 0; q < S; ++q)
+      moved += fabs(of->slope[UNKNOWNS * (S + q) + S + p] * it->row[VELOCITY + q][0]);
+    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
+      i = entry_shaft[e];
+      length += vs_entry(it, p, i) * vs_entry(it, p, i) / vs_inertia(it, i, i);
+    }
+    for (e = entry_begin[p]; e < entry_begin[p + 1] && order_of[p] == 2; ++e) {
+      i = entry_shaft[e];
+      of->noise[i] +=
+          DBL_EPSILON * moved * fabs(vs_entry(it, p, i)) / (vs_inertia(it, i, i) * length);
+    }
+  }
 }
 
 /* Part of the tolerance that Newton's iteration may leave. */
@@ -440,8 +460,8 @@ VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stage
       change = fabs(of->h * change) / vs_tolerance(it, it->row[row][0]);
       size = seriesLarger(size, change);
       if (i >= S || IS_CLASSICAL) continue;
-      change = fabs(of->residual[n * j + i]) / (vs_tolerance(it, it->row[ACCELERATION + i][0]) +
-                                                vs_acceleration_noise(it, of, i) / VS_LEFT);
+      change = fabs(of->residual[n * j + i]) /
+               (vs_tolerance(it, it->row[ACCELERATION + i][0]) + of->noise[i] / VS_LEFT);
       size = seriesLarger(size, change);
     }
   }

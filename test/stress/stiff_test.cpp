@@ -69,9 +69,10 @@ TEST(Stiffness, SlowMotionOfAStiffVariator) {
       const Scene scene = limited(motion.scene());
       const auto exact = motion.exact(times);
       for (const Method& method : methodsOf(scene, tolerances())) {
-        // (Of the shortest time constant accelerations are 1e9 times what velocities are off.)
+        // (Of the shortest time constant accelerations are 1e9 times what velocities are off, which
+        // at 1e-8 is 44 tolerances for the last bit of a velocity.)
         compareApart(hazard, accelerations, play(method.scene, times), exact, method.scene,
-                     motion.label() + ", " + method.name, (tau < 5e-9 ? 2.0 : 1.0) * kAllowed);
+                     motion.label() + ", " + method.name, (tau < 5e-9 ? 3.0 : 1.0) * kAllowed);
       }
     }
   }
