@@ -360,7 +360,10 @@ VS_FUNCTION vs_event vs_find_first(scene_model* m, double* theta, scene_status* 
     } else if (!has_elements) {
       has_elements = 1;
     } else {
-      if (is_met) *theta = end;
+      /* (No further than inputs go on.) */
+      if (is_met)
+        *theta =
+            seriesLarger(*theta, seriesSmaller(end, vs_limit(m, INFINITY) / vs_series(m)->unit));
       return at;
     }
   }
