@@ -354,7 +354,8 @@ void sweepFaults(Hazard& hazard, const std::vector<std::pair<int, int>>& plans) 
           for (double tolerance : sweptTolerances()) {
             for (const auto& [period, once] : plans) {
               FaultyFactory factory;
-              Scene scene = withSolver(faultyScene(factory, principle), stepper, tolerance);
+              Scene scene =
+                  withFewSteps(withSolver(faultyScene(factory, principle), stepper, tolerance));
               factory.faults[place].kind = kind;
               factory.faults[place].period = period;
               factory.faults[place].once = once;
