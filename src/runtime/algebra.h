@@ -74,6 +74,17 @@ VS_FUNCTION Real vs_inertia(const scene_series* it, int i, int j) {
   return i == j ? it->row[inertia_row[i]][0] : coupling[S * i + j];
 }
 
+/* C J^-1 C' of one constraint, of J its diagonal. */
+VS_FUNCTION double vs_row_length(const scene_series* it, int p) {
+  double length = 0.0;
+  int e;
+  for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
+    const int i = entry_shaft[e];
+    length += vs_entry(it, p, i) * vs_entry(it, p, i) / vs_inertia(it, i, i);
+  }
+  return length;
+}
+
 /* R = J epsilon + n - Q */
 VS_FUNCTION void vs_reaction(const scene_series* it, Real* R) {
   int i, j;

@@ -127,7 +127,7 @@ VS_FUNCTION_RARE void vs_lead(const scene_series* it, int h, int s, int line, in
  * than rounding. */
 VS_FUNCTION_RARE int vs_scaled_lead(const scene_series* it, int h, int mode, Real* c) {
   const int s = mode > 0 ? 1 : -1, p = load_of[h];
-  double mobility = 0.0, size;
+  double size;
   int i, n;
   if (p < 0) return 0; /* no losses */
   size = vs_sum_of_torques(it, h, 0);
@@ -135,10 +135,8 @@ VS_FUNCTION_RARE int vs_scaled_lead(const scene_series* it, int h, int mode, Rea
     size += fabs(it->row[slope_row[2 * h + i]][0] * it->row[TRANSMITTED + p][0]) +
             fabs(it->row[base_row[2 * h + i]][0]);
   }
-  for (i = 0; i < S; ++i)
-    mobility += vs_entry(it, p, i) * vs_entry(it, p, i) / vs_inertia(it, i, i);
   vs_lead(it, h, s, mode != s, it->order, c);
-  for (n = 0; n <= it->order; ++n) c[n] *= it->size[p] / mobility;
+  for (n = 0; n <= it->order; ++n) c[n] *= it->size[p] / vs_row_length(it, p);
   if (fabs(c[0]) > vs_noise(it) * size) return 1;
   VS_SET_VALUE(c[0], 0.0);
   return 0;

@@ -395,26 +395,27 @@ VS_FUNCTION_RARE int vs_factor_stages(const scene_series* w, const vs_stages* of
   return 1;
 }
 
+/* The change of residual i by all velocities as a whole. */
+VS_FUNCTION_INLINE double vs_sum_over_velocities(const scene_series* it, const vs_stages* of,
+                                                 int i) {
+  double sum = 0.0;
+  int q;
+  for (q = 0; q < S; ++q) sum += fabs(of->slope[UNKNOWNS * (S + q) + i] * it->row[VELOCITY + q][0]);
+  return sum;
+}
+
 /* Finds the part of each acceleration that rounding of the velocities makes, by the torques and by
  * psi, which moves the accelerations along J^-1 C'. */
 VS_FUNCTION_RARE void vs_find_noise(const scene_series* it, const vs_stages* of) {
-  int e, i, p, q;
-  for (i = 0; i < S; ++i) {
-    double moved = 0.0;
-    for (q = 0; q < S; ++q)
-      moved += fabs(of->slope[UNKNOWNS * (S + q) + i] * it->row[VELOCITY + q][0]);
-    of->noise[i] = 4.0 * DBL_EPSILON * moved / vs_inertia(it, i, i);
-  }
+  int e, i, p;
+  for (i = 0; i < S; ++i)
+    of->noise[i] = 4.0 * DBL_EPSILON * vs_sum_over_velocities(it, of, i) / vs_inertia(it, i, i);
   for (p = 0; p < K; ++p) {
-    double moved = 0.0, length = 0.0;
-    if (!vs_is_on(it, p)) continue;
-    for (q = 0; q < S; ++q)
-      moved += fabs(of->slope[UNKNOWNS * (S + q) + S + p] * it->row[VELOCITY + q][0]);
+    double moved, length;
+    if (order_of[p] != 2 || !vs_is_on(it, p)) continue;
+    moved = vs_sum_over_velocities(it, of, S + p);
+    length = vs_row_length(it, p);
     for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
-      i = entry_shaft[e];
-      length += vs_entry(it, p, i) * vs_entry(it, p, i) / vs_inertia(it, i, i);
-    }
-    for (e = entry_begin[p]; e < entry_begin[p + 1] && order_of[p] == 2; ++e) {
       i = entry_shaft[e];
       of->noise[i] +=
           DBL_EPSILON * moved * fabs(vs_entry(it, p, i)) / (vs_inertia(it, i, i) * length);

@@ -1,29 +1,6 @@
 /* A step: the series of the present, how far it holds, and the state there, from which the next
  * series begins. */
 
-/* True where a lag has come so near to its target that it is the target, and stays it. */
-VS_FUNCTION int vs_has_settled(const scene_signal* s) {
-  const double early = 30.0; /* time constants: exp(-30) of the way is more than rounding */
-  Real u[2];
-  if (s->form != VS_EXPONENTIAL && s->form != VS_CRITICAL) return 0;
-  if (s->age * s->inverse_tau < early) return 0;
-  vs_expand_input(s, 1.0, 1, u);
-  return VS_IS_SAME(u[0], s->target) &&
-         fabs(u[1]) <= 4.0 * DBL_EPSILON * fabs(s->target) * s->inverse_tau;
-}
-
-/* Inputs whose closed form has ended hold its value: at the end itself the rate is still that of
- * the form. */
-VS_FUNCTION void vs_end_inputs(scene_model* m) {
-  int i;
-  (void)delay_input; /* (Only hosts ask for it.) */
-  for (i = 0; i < INPUTS; ++i) {
-    scene_signal* const s = &m->now.input[i];
-    if ((s->age >= s->end && s->form != VS_DELAYED) || vs_has_settled(s))
-      vs_hold_constant(s, s->target);
-  }
-}
-
 /* The longest that the inputs let a step be, s. */
 VS_FUNCTION double vs_limit(scene_model* m, double left) {
   double limit = seriesSmaller(left, vs_longest(m));
@@ -106,14 +83,14 @@ VS_FUNCTION double vs_defect(const scene_model* m, const scene_series* it, const
 VS_FUNCTION int vs_keeps_rank(scene_model* m, const scene_series* it, const scene_series* next) {
   int e, p;
   for (p = 0; p < K; ++p) {
-    double product = 0.0, length = 0.0, before = 0.0;
+    const double before = vs_row_length(it, p);
+    double product = 0.0, length = 0.0;
     if (!vs_is_on(next, p)) continue;
     for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
       const int i = entry_shaft[e];
       const double entry = vs_entry(next, p, i) / vs_inertia(next, i, i);
       product += vs_entry(it, p, i) * entry;
       length += vs_entry(next, p, i) * entry;
-      before += vs_entry(it, p, i) * vs_entry(it, p, i) / vs_inertia(it, i, i);
     }
     m->longest[p] = seriesLarger(m->longest[p], before);
     if (!(product > 0.0 && length > 1e-20 * m->longest[p])) return 0;
