@@ -209,8 +209,9 @@ TEST(Principles, GaussSolvesNonlinearConstraintsToRoundOff) {
     ASSERT_NEAR(C2 * s.reaction_torque[0] - C1 * s.reaction_torque[1], 0.0, 1e-11);
     ASSERT_NEAR(s.reaction_torque[0], C1 * s.multiplier[0], 1e-11);
   }
-  // warm-started: two iterations and a check per evaluation, or nearly so
-  EXPECT_GT(simulation.statistics().newton_iterations, simulation.statistics().right_hand_sides);
+  // An iteration or more, from the last series: a few per step.
+  EXPECT_GT(simulation.statistics().newton_iterations,
+            simulation.statistics().right_hand_sides / 2);
   EXPECT_LT(simulation.statistics().newton_iterations,
             6 * simulation.statistics().right_hand_sides);
 }
@@ -336,11 +337,13 @@ TEST(Principles, DifferOnlyWhereCVaries) {
   EXPECT_GT(std::abs(c.sample().velocity[0] - d.sample().velocity[0]), 0.01);
 }
 
-TEST(Principles, GaussAsksNoTorqueForItsRate) {
-  // |w1|^0.5 has no rate at rest; the classical principle steps over that.
-  Simulation simulation =
-      simulate({kOrder1, "{velocity: [0, 0]}", "gauss", "10-sqrt(abs(w1))"}, 1e-6);
-  EXPECT_TRUE(simulation.advanceTo(1.0).ok()) << simulation.describeStatus();
+TEST(Principles, GaussAsksATorqueForItsRate) {
+  // |w1|^0.5 has no rate at rest, where the motion says so; it has one at any speed.
+  Simulation rest = simulate({kOrder1, "{velocity: [0, 0]}", "gauss", "10-sqrt(abs(w1))"}, 1e-6);
+  EXPECT_EQ(rest.advanceTo(1.0).reason, StopReason::kNonFiniteValue);
+  Simulation slow =
+      simulate({kOrder1, "{velocity: [1e-9, 6e-10]}", "gauss", "10-sqrt(abs(w1))"}, 1e-6);
+  EXPECT_TRUE(slow.advanceTo(1.0).ok()) << slow.describeStatus();
 }
 
 // --- energy, reversal, covariance -------------------------------------------------------------

@@ -127,6 +127,11 @@ std::string ProgramMotion::describeStop() {
   return text.str();
 }
 
+const char* ProgramMotion::stepperName() const {
+  if (scene.solver.stepper != StepperKind::kAuto) return toString(scene.solver.stepper);
+  return isImplicit() ? "radau" : "taylor";
+}
+
 std::string ProgramMotion::describeStepper() const {
   if (scene.solver.stepper != StepperKind::kAuto)
     return std::string(stepperName()) + " (as the scene says)";
@@ -180,6 +185,8 @@ bool ProgramMotion::use(const std::shared_ptr<KernelLibrary>& library) {
 
 std::string ProgramMotion::loadCode(KernelLibrary::Missing missing, bool* compiled) {
   if (program_->HAS_SERIES == 0) return "a law reads a function that is not a formula";
+  if (program_->isExplicit() || program_->fixed_step > 0.0)
+    return "steps by '" + std::string(stepperName()) + "' are interpreted";
   std::string reason;
   const auto library = KernelLibrary::load(KernelLibrary::kUnits + program_->writeKernel(), missing,
                                            &reason, [this](const auto& made) { return use(made); });

@@ -14,6 +14,7 @@ namespace {
 
 /// s: the longest step, whose powers do not overflow.
 constexpr double kLongestStep = 1e6;
+constexpr int kImplicit = 1;  // method of a step (algebra.h)
 
 Shortcuts withoutSeries() {
   Shortcuts shortcuts;
@@ -41,6 +42,8 @@ StopReason ProgramMotion::reasonOf(scene_status status) {
       return StopReason::kJumpFailed;
     case SCENE_NO_MODES:
       return StopReason::kNoModes;
+    case SCENE_STEP_TOO_LARGE:
+      return StopReason::kStepTooLarge;
     case SCENE_OK:
       break;
   }
@@ -189,6 +192,7 @@ bool ProgramMotion::step(double /*end*/) {
   const int method = it_.choice.method;
   const scene_status status = host_->step(left, &it_);
   statistics_.rejected_steps += static_cast<std::uint64_t>(it_.rejections);
+  statistics_.largest_error_estimate = std::max(statistics_.largest_error_estimate, it_.error);
   if (it_.rounding > 1.0)
     statistics_.largest_rounding = std::max(statistics_.largest_rounding, it_.rounding);
   has_step_ = status == SCENE_OK;
@@ -201,8 +205,10 @@ bool ProgramMotion::step(double /*end*/) {
   ++made_since_;
   ++statistics_.steps;
   ++statistics_.right_hand_sides;
-  if (it_.choice.method != method) ++statistics_.stepper_switches;
-  if (method != 0) ++statistics_.implicit_steps;
+  if (program_->CHOOSES_METHOD != 0 && it_.choice.method != method) ++statistics_.stepper_switches;
+  if (it_.method == kImplicit) ++statistics_.implicit_steps;
+  (program_->IS_CLASSICAL != 0 ? statistics_.newton_iterations : statistics_.projections) +=
+      static_cast<std::uint64_t>(it_.corrections);
   if (it_.passed >= 0 || it_.is_event != 0) ++statistics_.kinks;
   if (it_.is_still != 0 && !is_still_) ++statistics_.sleeps;
   is_still_ = it_.is_still != 0;
@@ -237,6 +243,10 @@ void ProgramMotion::stop(scene_status status) {
   front.input = input;
   if (quantities.isInertiaLost(front)) status_.reason = StopReason::kIndefiniteInertia;
   host_->leave(&it_);
+  if (status == SCENE_STEP_TOO_LARGE) {
+    status_.measure = it_.error * scene.solver.relative_tolerance;
+    return;
+  }
   if (finder_ != nullptr && status != SCENE_CHATTERING) explainStop();
   // (Of accelerations that follow from the state: those of gauss.)
   const bool is_lost = it_.rounding > 1.0 && status_.reason == StopReason::kStepUnderflow;

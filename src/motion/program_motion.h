@@ -42,7 +42,7 @@ class ProgramMotion final : public MotionBase {
   void exhaustTime() override { stop(StopReason::kTimeExhausted); }
   bool takeModeEvent(ModeEvent* event) override;
   std::string describeStop() override;
-  const char* stepperName() const override { return isImplicit() ? "radau" : "taylor"; }
+  const char* stepperName() const override;
   std::string describeStepper() const override;
   std::vector<std::string> skips() const override;
   std::string loadCode(KernelLibrary::Missing missing, bool* compiled) override;
@@ -85,7 +85,9 @@ class ProgramMotion final : public MotionBase {
   /// Writes the closed forms of the inputs at the current time.
   void describeInputs();
   /// True where the program makes implicit steps.
-  bool isImplicit() const { return it_.choice.method != 0 || program_->HAS_SERIES == 0; }
+  bool isImplicit() const {
+    return (it_.choice.method != 0 || program_->BY_STAGES != 0) && !program_->isExplicit();
+  }
   /// Takes over the values of states and variables from the program.
   void takeMemory();
   /// Cuts the last step at the current time.

@@ -25,17 +25,10 @@ bool needsProgram(const Scene& scene) {
          !scene.inertia_formulas.empty();
 }
 
-/// Throws SceneError for a stepper that does not know modes.
-void refuseOtherSteppers(const Scene& scene) {
-  const StepperKind stepper = scene.solver.stepper;
-  const std::vector<std::string> holds = scene.holdNames();
-  std::string name = holds.empty() ? scene.nameOfDirection() : holds.front();
-  if (name.empty() && !scene.inertia_formulas.empty()) name = "inertia";
-  const int delay = scene.firstDelay();
-  if (name.empty() && delay >= 0) name = scene.inputs[static_cast<std::size_t>(delay)].name;
-  if (name.empty() || stepper == StepperKind::kAuto || stepper == StepperKind::kTaylor) return;
-  throw SceneError("solver/stepper", inQuotes(toString(stepper)) + " does not step " +
-                                         inQuotes(name) + "; allowed: auto, taylor");
+std::shared_ptr<const MotionProgram> programOf(const Scene& scene) {
+  using expression::Node;
+  return std::make_shared<const MotionProgram>(scene, std::vector<Node>{},
+                                               MotionProgram::Steps::kByStepper);
 }
 
 std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
@@ -44,21 +37,15 @@ std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
   }
   const auto* const program = dynamic_cast<const ProgramMotion*>(like);
   if (needsProgram(scene)) {
-    refuseOtherSteppers(scene);
     auto its_program =
         orRefuse("cannot be stepped by power series, as states, events and elements that hold are",
-                 [&] { return std::make_shared<const MotionProgram>(scene); });
+                 [&] { return programOf(scene); });
     return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), false,
                                            program);
   }
-  const StepperKind stepper = scene.solver.stepper;
-  const bool is_by_program = stepper == StepperKind::kAuto || stepper == StepperKind::kTaylor;
-  if (is_by_program || stepper == StepperKind::kTaylorFixed) {
-    auto its_program = std::make_shared<const MotionProgram>(scene);
-    if (is_by_program && its_program->makesSteps()) {
-      return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), true,
-                                             program);
-    }
+  auto its_program = programOf(scene);
+  if (its_program->makesSteps()) {
+    return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), true, program);
   }
   return std::make_unique<Motion>(std::move(scene), Shortcuts{}, dynamic_cast<const Motion*>(like));
 }

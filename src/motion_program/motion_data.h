@@ -25,7 +25,7 @@ struct MotionList {
   F(MAY_PROJECT) F(HAS_NEUTRAL) F(JUMPS_STRAIGHT) F(COMPONENTS) F(FIRST_JUDGED) F(SIGNS)      \
   F(TABLES) F(CONSTANTS) F(INPUT_ROW_COUNT) F(RESOLVED) F(STATES) F(STATE) F(VARIABLES)       \
   F(EVENTS) F(FIRST_EVENT) F(DELAYS) F(READS_ACCELERATIONS) F(CHOOSES_METHOD) F(RESTS)       \
-  F(HAS_SERIES) F(SHOWN)                                                                      \
+  F(HAS_SERIES) F(BY_STAGES) F(SERIES_LEAD) F(SHOWN)                                          \
   F(TIME) F(ANGLE) F(VELOCITY) F(ACCELERATION) F(MULTIPLIER) F(PULL) F(TRANSMITTED)
 // the sizes of a series,
 #define VARIATOR_SIM_MOTION_EXTENTS(F) \

@@ -36,8 +36,12 @@ bool isDiagonal(const Eigen::MatrixXd& inertia) {
 
 }  // namespace
 
-MotionProgram::MotionProgram(const Scene& scene, std::vector<Node> shown)
-    : formulas_(collectFormulas(scene)),
+MotionProgram::MotionProgram(const Scene& scene, std::vector<Node> shown, Steps steps)
+    : stepper(steps == Steps::kByStepper || scene.solver.stepper == StepperKind::kAuto
+                  ? scene.solver.stepper
+                  : StepperKind::kTaylor),
+      fixed_step(isFixedStep(stepper) ? scene.solver.step : 0.0),
+      formulas_(collectFormulas(scene)),
       shown_(std::move(shown)),
       program_(compile(scene)),
       rows_(program_, series_) {
@@ -233,7 +237,7 @@ void MotionProgram::setSizes(const Scene& scene) {
   const double tolerance = scene.solver.relative_tolerance;
   RELATIVE_TOLERANCE = tolerance;
   ABSOLUTE_TOLERANCE = scene.solver.absolute_tolerance;
-  MAXIMUM_STEP = scene.solver.maximum_step;
+  MAXIMUM_STEP = std::max(scene.solver.maximum_step, fixed_step);
   DECAY = std::pow(std::max(tolerance, 1e-16), 1.0 / SCENE_ORDER);
 }
 
@@ -253,19 +257,23 @@ void MotionProgram::setStages(const Scene& scene) {
     return scene.graph->dependsOn(node, slotOf(Source::kTime));
   });
   RESTS = scene.solver.sleep && !reads_time ? 1 : 0;
-  CHOOSES_METHOD = scene.solver.stepper == StepperKind::kAuto ? 1 : 0;
+  CHOOSES_METHOD = stepper == StepperKind::kAuto ? 1 : 0;
   HAS_SERIES = formulas_.no_text ? 0 : 1;
-  requireStepper(scene.solver.stepper);
+  requireSeries();
+  const bool is_by_series = stepper == StepperKind::kAuto || stepper == StepperKind::kTaylor ||
+                            stepper == StepperKind::kTaylorFixed;
+  BY_STAGES = HAS_SERIES == 0 || !is_by_series ? 1 : 0;
+  SERIES_LEAD = BY_STAGES != 0 && HAS_SERIES != 0 ? 1 : 0;
   const int unknowns = SIZE + STATES;
   const int directions = 3 * S + STATES;
   SCENE_WORK = 3 * kStages * unknowns + 2 * (kStages + 1) * S + kStages * INPUT_ROW_COUNT +
                3 * SCENE_ROWS + S + directions * (unknowns + S) +
                (1 + 2 * kPairs) * unknowns * unknowns;
   SCENE_PIVOTS = (1 + kPairs) * unknowns;
-  if (CHOOSES_METHOD == 0) SCENE_WORK = SCENE_PIVOTS = 1;
+  if (CHOOSES_METHOD == 0 && BY_STAGES == 0) SCENE_WORK = SCENE_PIVOTS = 1;
 }
 
-void MotionProgram::requireStepper(StepperKind stepper) const {
+void MotionProgram::requireSeries() const {
   if (HAS_SERIES != 0 || (stepper != StepperKind::kTaylor && stepper != StepperKind::kTaylorFixed))
     return;
   throw SceneError("solver/stepper", inQuotes(toString(stepper)) +

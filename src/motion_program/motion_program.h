@@ -28,10 +28,23 @@ inline constexpr const char* kNoPast =
 
 class MotionProgram : public MotionData {
  public:
+  /// Who makes the steps: the scene's stepper, or series whichever it names (`auto` may change to
+  /// implicit steps).
+  enum class Steps { kByStepper, kBySeries };
+
   /// `shown`: further formulas, with a row at order 0. Throws SceneError, with the element and the
   /// reason, for what has no series.
-  explicit MotionProgram(const Scene& scene, std::vector<expression::Node> shown = {});
+  explicit MotionProgram(const Scene& scene, std::vector<expression::Node> shown = {},
+                         Steps steps = Steps::kBySeries);
 
+  const StepperKind stepper;  ///< auto, or by which all steps are made
+  const double fixed_step;    ///< s, of steppers of fixed steps; 0 of others
+
+  /// True where an explicit scheme makes all steps.
+  bool isExplicit() const {
+    return stepper == StepperKind::kDopri5 || stepper == StepperKind::kFehlberg78 ||
+           stepper == StepperKind::kRk4;
+  }
   /// False where corners of psi in the accelerations lead the motion.
   bool makesSteps() const { return !formulas_.no_steps; }
   /// Throws SceneError there, and where the formulas cannot be written as text or carry
@@ -70,7 +83,7 @@ class MotionProgram : public MotionData {
   void setSizes(const Scene& scene);
   void setStages(const Scene& scene);
   /// Throws SceneError where the stepper makes series of formulas that have none.
-  void requireStepper(StepperKind stepper) const;
+  void requireSeries() const;
   void listShown();
   void setLists(const Scene& scene);
   void listEntries(const expression::Graph& graph);

@@ -5,9 +5,11 @@
 #include <cmath>
 #include <cstring>
 #include <initializer_list>
+#include <limits>
 #include <string>
 
 #include "expression/series_dot.h"
+#include "motion_program/explicit_steps.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {
@@ -37,13 +39,14 @@ static void callOpaque(const OpaqueFunction& f, double* y,
   if (n == 0 || piece[0] == 0.0) {
     double at[OpaqueFunction::kMostArguments] = {};
     for (int i = 0; i < count; ++i) at[i] = x[i][0];
-    piece[0] = n == 0 ? 0.0 : 1.0;
+    piece[0] = 0.0;
     if (n == 0) {
       y[0] = f.value(at);
       return;
     }
     std::fill_n(gradient, OpaqueFunction::kMostArguments, 0.0);
-    f.calcGradient(at, gradient);
+    f.calcGradient(at, gradient);  // (which may throw)
+    piece[0] = 1.0;
   }
   y[n] = 0.0;
   for (int i = 0; i < count; ++i) y[n] += gradient[i] * x[i][n];

@@ -2,8 +2,8 @@
  *     J epsilon - D' mu = a,   C epsilon = g
  * which orders of a series, projections, jumps and first accelerations solve. */
 
-/* Methods of steps. */
-enum { VS_BY_SERIES, VS_IMPLICIT };
+/* Methods of steps: series, stages of Radau IIA, a scheme of the host. */
+enum { VS_BY_SERIES, VS_IMPLICIT, VS_EXPLICIT };
 
 /* Modes of elements that hold. A sliding one has a torque with the sign of its slip, one that is
  * stuck a constraint. */

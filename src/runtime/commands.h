@@ -82,6 +82,7 @@ VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* ne
   }
   if (status != SCENE_OK) m->now = before;
   m->is_begun = 0;
+  if (SERIES_LEAD) m->choice.ahead = 0.0;
   m->at_rest = 0.0;
   m->crossings = 0;
   return status;
@@ -97,8 +98,9 @@ VS_FUNCTION_RARE const char* vs_status_text(scene_status status) {
                                       "chattering",
                                       "a jump leads to no state on the constraints",
                                       "the first commands contradict the initial values",
-                                      "no modes of the elements that hold go on"};
-  return status >= SCENE_OK && status <= SCENE_NO_MODES ? texts[status] : "?";
+                                      "no modes of the elements that hold go on",
+                                      "a step of fixed length is too long"};
+  return status >= SCENE_OK && status <= SCENE_STEP_TOO_LARGE ? texts[status] : "?";
 }
 
 /* The residual of a constraint: f, psi, or C eta + c_0 of order 3. */

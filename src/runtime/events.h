@@ -79,8 +79,8 @@ VS_FUNCTION void vs_find_range(const scene_series* it, int guard, double x, doub
 
 /* The part of theta up to which a guard's last two terms are next to nothing beside the others: of
  * a guard that varies faster than the motion, or of a mode that is not taken, the series may have
- * ended too early. */
-VS_FUNCTION double vs_known_part(const Real* c, int last, double theta) {
+ * ended too early. Terms of the size of `noise` tell nothing. */
+VS_FUNCTION double vs_known_part(const Real* c, int last, double theta, double noise) {
   int halvings, n;
   for (halvings = 0; halvings < 60; ++halvings, theta *= 0.5) {
     double power = 1.0;
@@ -93,7 +93,7 @@ VS_FUNCTION double vs_known_part(const Real* c, int last, double theta) {
       else
         tail = seriesLarger(tail, term);
     }
-    if (tail <= 1e-4 * largest) break;
+    if (tail <= 1e-4 * largest || tail <= noise) break;
   }
   return theta;
 }
@@ -140,6 +140,16 @@ VS_FUNCTION int vs_rests(const scene_series* it, const Real* x, double reach, do
   return sum <= noise;
 }
 
+/* What rounding of its values at the stages may make of a guard's polynomial up to `reach`. (Where
+ * series lead over events, these are looked for as much earlier.) */
+VS_FUNCTION double vs_haze(const scene_series* it, const Real* c, double reach) {
+  double sum = 0.0;
+  int n;
+  if (!SERIES_LEAD || it->method == VS_BY_SERIES) return 0.0;
+  for (n = it->order; n >= 0; --n) sum = sum * reach + fabs(c[n]);
+  return 16.0 * DBL_EPSILON * sum;
+}
+
 /* True unless a guard stays away from its points up to `reach`: those on both sides of it, and the
  * one on which it begins. */
 VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, double* points) {
@@ -150,7 +160,9 @@ VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, dou
   points[1] = x[0] < 0.0 ? 0.0 : INFINITY;
   points[2] = x[0] == 0.0 ? 0.0 : INFINITY;
   if (guard >= SIGNS) vs_find_points(it, guard - SIGNS, x[0], &points[0], &points[1], &points[2]);
-  if (points[2] != x[0] && vs_clearance(x, it->order, reach, points[0], points[1]) > 0.0) return 0;
+  if (points[2] != x[0] &&
+      vs_clearance(x, it->order, reach, points[0], points[1]) > vs_haze(it, x, reach))
+    return 0;
   for (k = 0; k < 3; ++k) {
     if (!isfinite(points[k])) continue;
     if (jumps ? vs_has_died_away(it, x, points[k]) : vs_rests(it, x, reach, points[k])) return 0;
@@ -164,22 +176,25 @@ VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, dou
 VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it, double* theta,
                                    int but, int has_elements) {
   const double rounding = 8.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time) / it->unit;
+  /* (Implicit steps beside those by series are made where a motion hardly changes.) */
+  const double noise = it->method == VS_BY_SERIES ? 0.0 : 1e-3 * ABSOLUTE_TOLERANCE;
+  const int is_known_in_parts = it->method != VS_IMPLICIT || SERIES_LEAD;
   vs_event found = {0.0, -1, 0, 0.0, 0.0, -1, 0, 0, -1};
-  double points[3];
+  double points[3], haze;
   Real c[VS_STRIDE];
   int g, k, n, first = SIGNS + TABLES; /* the first guard that may pass */
   for (g = 0; g < SIGNS + TABLES; ++g) {
     const double reach = *theta * (1.0 + 1e-12) + rounding;
     if (g == but || !vs_may_pass(it, g, reach, points)) continue;
-    if (!it->is_implicit) *theta = vs_known_part(vs_guard(it, g), it->order, *theta);
+    if (is_known_in_parts) *theta = vs_known_part(vs_guard(it, g), it->order, *theta, noise);
     if (first > g) first = g;
   }
   for (g = 0; g < HOLDS; ++g) {
     for (k = 0; k < VS_CONDITIONS; ++k) {
       const double reach = *theta * (1.0 + 1e-12) + rounding;
-      if (!it->is_implicit && vs_condition(m, it, g, k, c) &&
+      if (is_known_in_parts && vs_condition(m, it, g, k, c) &&
           !(vs_clearance(c, it->order, reach, 0.0, INFINITY) > 0.0))
-        *theta = vs_known_part(c, it->order, *theta);
+        *theta = vs_known_part(c, it->order, *theta, noise);
     }
   }
   found.theta = *theta * (1.0 + 1e-12) + rounding;
@@ -187,9 +202,11 @@ VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it,
   for (g = first; g < SIGNS + TABLES; ++g) {
     if (g == but || !vs_may_pass(it, g, found.theta, points)) continue;
     for (n = 0; n <= it->order; ++n) c[n] = vs_guard(it, g)[n];
+    haze = vs_haze(it, c, found.theta);
     for (k = 0; k < 3; ++k) {
       if (!isfinite(points[k]) || (k < 2 && points[k] == points[2])) continue;
       c[0] = vs_guard(it, g)[0] - points[k];
+      if (haze > 0.0 && k < 2) c[0] *= seriesLarger(1e-3, 1.0 - haze / fabs(c[0]));
       vs_meet(&found, c, it->order, g, points[k], rounding + 2e-14 * found.theta);
     }
   }

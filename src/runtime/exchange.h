@@ -44,7 +44,7 @@ VS_FUNCTION void vs_take_over(scene_model* m, const vs_exchange* from) {
   m->usual = from->usual;
   m->at_rest = 0.0;
   m->choice = from->choice;
-  if (!HAS_SERIES) m->choice.method = VS_IMPLICIT;
+  if (BY_STAGES) m->choice.method = VS_IMPLICIT;
   m->is_begun = 0;
   m->has_moved = 1;
   m->crossings = 0;

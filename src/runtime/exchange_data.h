@@ -45,7 +45,9 @@ typedef struct {
   int passed;     /* the guard that the step passed at its end, or -1 */
   int is_event;   /* 1: the step ends at an event behind which all begins anew */
   int is_still;   /* 1: nothing moves by more than the tolerance in it */
-  long rejections;
+  int method;     /* by which the step was made */
+  long rejections, corrections;
+  double error;              /* of a step of fixed length, in tolerances; 0 of others */
   double rounding;           /* of the state, as it moves accelerations, in tolerances */
   double event;              /* from where on, s of the step, its end stands for all */
   const scene_event* events; /* changes of modes, and events of the scene (host.h) */

@@ -275,7 +275,7 @@ VS_FUNCTION void vs_host_tell_events(const scene_model* m, vs_exchange* to) {
 /* One step of at most `left` s. Without one the state stays. */
 VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   scene_model* const m = &h->model;
-  const long rejections = m->rejections;
+  const long rejections = m->rejections, corrections = m->corrections;
   double rest;
   int i, jumps = 0;
   if (!m->has_moved && HAS_NEUTRAL) vs_note_reaction(m, &m->series[1 - m->present]);
@@ -299,8 +299,11 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
     rest += 0.0 * (m->now.angle[i] + m->now.velocity[i] + m->now.acceleration[i]);
   if (m->status == SCENE_OK && rest != 0.0) m->status = SCENE_NOT_FINITE;
   to->rejections = m->rejections - rejections;
+  to->corrections = m->corrections - corrections;
+  to->method = m->series[h->taken].method;
   to->passed = m->passed;
   to->rounding = m->rounding;
+  to->error = m->fixed > 0.0 ? m->error : 0.0;
   if (m->status != SCENE_OK) {
     to->stopped = m->now.time;
     m->now = h->before;

@@ -173,7 +173,7 @@ VS_FUNCTION_RARE void vs_note_stages(scene_series* it, scene_series* w, const sc
 }
 
 /* The values of rows at the stages become polynomials. */
-VS_FUNCTION_RARE void vs_interpolate_stages(scene_series* it, const vs_stages* of) {
+VS_FUNCTION_RARE void vs_interpolate_stages(scene_series* it, const vs_stages* of, int method) {
   const int s = of->method->stages;
   const double ratio = it->unit / of->h;
   double scaled[VS_MOST_STAGES][VS_MOST_STAGES], power = ratio;
@@ -193,7 +193,7 @@ VS_FUNCTION_RARE void vs_interpolate_stages(scene_series* it, const vs_stages* o
     c[s + 1] = 0.0;
   }
   it->order = s;
-  it->is_implicit = 1;
+  it->method = method;
 }
 
 /* True if an operation may do between the stages, whose values are in the rows, what none of them
@@ -218,18 +218,20 @@ VS_FUNCTION_RARE int vs_may_hide(const scene_series* it, int stages) {
   return 0;
 }
 
-/* True if no formula does along an implicit step what its series there does not show. */
+/* Notes the values of all rows at the begin of a step, at a stage inside it and at the last one:
+ * n = 0, 1, 2. */
+VS_FUNCTION_RARE void vs_note_values(const scene_series* w, const vs_stages* of, int n) {
+  int r;
+  for (r = 0; r < SCENE_ROWS; ++r) of->values[SCENE_ROWS * n + r] = w->row[r][0];
+}
+
+/* True if no formula does along a step, the values of which are noted, what its series there does
+ * not show. */
 VS_FUNCTION_RARE int vs_is_step_resolved(scene_model* m, const scene_series* it, scene_series* w,
-                                         const scene_state* from, const vs_stages* of) {
+                                         const vs_stages* of) {
   const int last = VS_ALONG < (int)SCENE_ORDER ? VS_ALONG : SCENE_ORDER;
   const double* const at[3] = {of->values, of->values + SCENE_ROWS, of->values + 2 * SCENE_ROWS};
   int n, r;
-  for (n = 0; n < 3; ++n) {
-    if (n > 0)
-      vs_enter_stage(w, from, of, n == 1 ? of->method->stages / 2 : of->method->stages - 1);
-    for (r = 0; r < SCENE_ROWS; ++r)
-      of->values[SCENE_ROWS * n + r] = n == 0 ? it->row[r][0] : w->row[r][0];
-  }
   w->unit = it->unit;
   vs_enter_inputs(m, w, last);
   vs_enter_state(m, w);
@@ -256,14 +258,21 @@ VS_FUNCTION_RARE double vs_try_stages(scene_model* m, scene_series* it, scene_se
   if (!vs_find_stages(it, w, from, of, &rounds)) return is_known ? 1.0 : 0.25;
   vs_note_stages(it, w, from, of);
   vs_integrate_reaction(of);
-  error = vs_stage_error(it, of, is_first);
+  /* (Steps by a stepper's name are held to a part of the tolerance: nothing else judges them.) */
+  error = (SERIES_LEAD ? 4.0 : 1.0) * vs_stage_error(it, of, is_first);
   *part = 0.9 * 17.0 / (16.0 + rounds) *
           pow(seriesLarger(error, 1e-8), -1.0 / (of->method->stages + 1));
   *part = seriesLarger(0.1, seriesSmaller(*part, 8.0));
   if (!(error <= 1.0)) return isfinite(error) ? seriesSmaller(*part, 0.9) : 0.1;
   may_hide = vs_may_hide(it, of->method->stages);
-  vs_interpolate_stages(it, of);
-  return may_hide && !vs_is_step_resolved(m, it, w, from, of) ? 0.5 : 0.0;
+  vs_note_values(it, of, 0);
+  vs_interpolate_stages(it, of, VS_IMPLICIT);
+  if (!may_hide) return 0.0;
+  vs_enter_stage(w, from, of, of->method->stages / 2);
+  vs_note_values(w, of, 1);
+  vs_enter_stage(w, from, of, of->method->stages - 1);
+  vs_note_values(w, of, 2);
+  return vs_is_step_resolved(m, it, w, of) ? 0.0 : 0.5;
 }
 
 /* Polynomials of an implicit step of at most `limit` s from the state. */
@@ -271,9 +280,13 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
   scene_series* const it = vs_series(m);
   scene_series* const w = &m->series[1 - m->present];
   const scene_state from = m->now;
-  const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, from.time);
+  /* (Series get over what shorter steps by a stepper's name do not.) */
+  const double least = (SERIES_LEAD ? 1e-13 : 4.0 * DBL_EPSILON) * seriesLarger(1.0, from.time);
   const int is_begun = vs_is_begun(m);
-  const scene_series* const known = !is_begun ? 0 : it->is_implicit ? it : w->is_implicit ? w : 0;
+  const scene_series* const known = !is_begun                    ? 0
+                                    : it->method != VS_BY_SERIES ? it
+                                    : w->method != VS_BY_SERIES  ? w
+                                                                 : 0;
   const double past = known == w ? m->reached : 0.0;
   vs_stages of;
   const double h = m->choice.ahead > 0.0 ? m->choice.ahead : m->usual > 0.0 ? m->usual : 1e-3;
@@ -296,6 +309,9 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
   if (!vs_find_reaction(w, of.R, of.P)) return SCENE_SINGULAR;
   vs_find_slopes(w, &from, &of);
   vs_find_noise(it, &of);
+  /* (From here on values at stages are in the rows, which are no coefficients.) */
+  it->order = of.method->stages;
+  it->method = VS_IMPLICIT;
   for (trial = 0; trial < 40 && of.h >= least; ++trial) {
     double part, shorter;
     if (trial > 0) {
@@ -313,9 +329,6 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
     ++m->rejections;
     of.h *= shorter;
   }
-  /* The values at stages, which are in the rows, are no coefficients for the series that follow. */
-  it->order = of.method->stages;
-  it->is_implicit = 1;
   m->is_begun = 0;
   return SCENE_TOO_MANY_STEPS;
 }
@@ -351,8 +364,8 @@ VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, doub
   double rate[MOST_INPUTS + 1], reaction[MOST_SHAFTS];
   const double enough = IS_CLASSICAL ? 0.1 : 0.01; /* tolerances */
   double g, *x, moved = INFINITY, before = INFINITY;
-  int i, n, round;
-  if (!it->is_implicit) return;
+  int i, n, round, stalls = 0;
+  if (it->method != VS_IMPLICIT) return;
   vs_lay_out(m, it->order == vs_radau_of[1].stages, &of);
   of.h = m->damped;
   g = of.h / of.method->real;
@@ -365,8 +378,7 @@ VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, doub
   }
   vs_enter_inputs(m, w, 0);
   /* (C turns with time, and each round leaves a part of what psi is off.) */
-  for (round = 0; round < VS_MOST_ROUNDS && moved > enough && (round < 2 || moved < 0.9 * before);
-       ++round) {
+  for (round = 0; round < VS_MOST_ROUNDS && moved > enough && stalls < 3; ++round) {
     vs_enter_state(m, w);
     if (!vs_find_reaction(w, x, of.P)) return;
     for (i = 0; i < S; ++i) x[i] = reaction[i] - x[i];
@@ -384,6 +396,7 @@ VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, doub
       m->now.angle[i] += g * g * x[i];
       moved = seriesLarger(moved, fabs(x[i]) / vs_tolerance(it, m->now.acceleration[i]));
     }
+    stalls += !(moved < 0.9 * before);
     for (i = 0; i < K; ++i) {
       if (IS_CLASSICAL)
         m->now.multiplier[i] += x[S + i];

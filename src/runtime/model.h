@@ -14,11 +14,13 @@ typedef struct {
   double reached; /* the end of the last step, in units */
   double damped;  /* length of the last implicit step, s (vs_settle_implicitly) */
   scene_choice choice;
+  double fixed; /* s, the length of all steps, whatever their error; 0: it is chosen */
+  double error; /* of the last step of such a length, in tolerances */
   double noise[SCENE_SHAFTS]; /* accelerations that rounding makes at the step's end */
   double rounding;            /* the same in tolerances; 0: not asked for, or nothing */
   double event; /* that the last step has passed, in units: from there on its end stands for all */
   double longest[SCENE_CONSTRAINTS + SCENE_HOLDS + 1]; /* that C J^-1 C' has been */
-  long steps, rejections;
+  long steps, rejections, corrections; /* the last: of accelerations, by Newton's iteration */
   SCENE_REAL memory[SCENE_SHAFTS]; /* the part of R that is not C' multiplier, while modes change */
   scene_event event_of[SCENE_MOST_EVENTS]; /* the last ones: number n at n % MOST_EVENTS */
   long events;

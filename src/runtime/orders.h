@@ -191,10 +191,11 @@ VS_FUNCTION_RARE int vs_is_path_resolved(scene_series* it, int last, double thet
  * those behind the degree of a formula stay 0. */
 VS_FUNCTION_RARE void vs_forget_polynomials(scene_series* it) {
   int n, r;
-  for (r = 0; r < SHOWN && it->is_implicit; ++r) {
+  for (r = 0; r < SHOWN && it->method != VS_BY_SERIES; ++r) {
     for (n = 1; n <= it->order + 1; ++n) it->row[shown_row[r]][n] = 0.0;
   }
-  it->is_implicit = 0;
+  it->method = VS_BY_SERIES;
+  it->is_path = 0; /* (A plugin may have thrown on a path.) */
 }
 
 /* Order 0 of all formulas is known. gauss: of the multipliers, too. is_factored: of the last
@@ -372,7 +373,7 @@ VS_FUNCTION scene_status vs_expand(scene_model* m, double limit) {
     }
     vs_integrate_last(it);
     /* A motion that is a polynomial allows any length, but its powers must not overflow. */
-    m->usual = seriesSmaller(vs_choose_length(it, limit),
+    m->usual = seriesSmaller(m->fixed > 0.0 ? m->fixed : vs_choose_length(it, limit),
                              seriesSmaller(vs_longest(m), seriesSmaller(1e6, 1e8 * it->unit)));
     return SCENE_OK;
   }

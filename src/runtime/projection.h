@@ -97,7 +97,7 @@ VS_FUNCTION scene_status vs_settle(scene_model* m, scene_series* it, int what, R
   Real x[MOST_SIZE];
   int i;
   vs_enter_state(m, it);
-  for (; rounds > 0; --rounds) {
+  for (; rounds > 0; --rounds, ++m->corrections) {
     const int is_regular = what == VS_LEAST_REACTION || IS_FORMAL
                                ? vs_factor_curved(it, lambda, 1, high)
                                : vs_factor(it, 1, high);

@@ -17,7 +17,7 @@ typedef struct {
   SCENE_REAL size[SCENE_CONSTRAINTS + SCENE_HOLDS + 1]; /* C J^-1 D' of each constraint */
   int counts[SCENE_HOLDS + 1]; /* 1: the row of an element that holds is on */
   double unit;                 /* s, a power of 2 */
-  int is_implicit;             /* 1: polynomials of an implicit step */
+  int method;                  /* by which its polynomials were made */
   int is_path;                 /* 1: see vs_order */
   int order;                   /* of the coefficients that are known */
   int moves[SCENE_INPUTS + 1]; /* 1: rows of the input have more than their first coefficient */

@@ -426,12 +426,15 @@ VS_FUNCTION_RARE void vs_find_noise(const scene_series* it, const vs_stages* of)
 /* Part of the tolerance that Newton's iteration may leave. */
 #define VS_LEFT 0.02
 
-/* One correction of the stages. Its size in tolerances of the state at the begin. */
-VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stages* of) {
+/* One correction of the stages. Its size in tolerances of the state at the begin, and *most_pushed:
+ * that of what the multipliers' corrections make of R, which was found by those before. */
+VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stages* of,
+                                          double* most_pushed) {
   const vs_radau* const method = of->method;
   const int s = method->stages, n = UNKNOWNS;
-  double size = 0.0, rest = 0.0;
-  int i, j, k;
+  double size = 0.0, rest = 0.0, pushed;
+  int i, j, k, p;
+  *most_pushed = 0.0;
   for (k = 0; k < s; ++k) {
     for (i = 0; i < n; ++i) {
       double sum = 0.0;
@@ -460,8 +463,17 @@ VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stage
       for (k = 0; k < s; ++k) change += method->A[j][k] * of->residual[n * k + i];
       change = fabs(of->h * change) / vs_tolerance(it, it->row[row][0]);
       size = seriesLarger(size, change);
-      if (i >= S || IS_CLASSICAL) continue;
-      change = fabs(of->residual[n * j + i]) /
+      if (i >= S) continue;
+      pushed = 0.0;
+      for (p = 0; p < K && !IS_CLASSICAL; ++p) {
+        double moved = 0.0;
+        for (k = 0; k < s; ++k) moved += method->A[j][k] * of->residual[n * k + S + p];
+        pushed += of->h * moved * vs_direction(it, p, i);
+      }
+      pushed /= vs_inertia(it, i, i) *
+                (vs_tolerance(it, it->row[ACCELERATION + i][0]) + of->noise[i] / VS_LEFT);
+      *most_pushed = seriesLarger(*most_pushed, fabs(pushed));
+      change = (IS_CLASSICAL ? 0.1 : 1.0) * fabs(of->residual[n * j + i]) /
                (vs_tolerance(it, it->row[ACCELERATION + i][0]) + of->noise[i] / VS_LEFT);
       size = seriesLarger(size, change);
     }
@@ -475,16 +487,16 @@ VS_FUNCTION_RARE int vs_find_stages(scene_series* it, scene_series* w, const sce
   enum { VS_MOST_ROUNDS = 8 };
   double previous = 0.0, rate = 1.0;
   for (*rounds = 1; *rounds <= VS_MOST_ROUNDS; ++*rounds) {
-    double size;
+    double size, pushed;
     if (!vs_find_residuals(it, w, from, of)) return 0;
-    size = vs_correct_stages(it, of);
+    size = vs_correct_stages(it, of, &pushed);
     if (!isfinite(size)) return 0;
     /* (A first correction tells nothing of the rate at which others would become smaller.) */
     if (size <= (*rounds > 1 ? 0.1 : 1e-4) * VS_LEFT) return 1;
     if (*rounds > 1) {
       rate = size / previous;
       if (rate >= 1.0) return size <= VS_LEFT; /* rounding is all that is left */
-      if (rate / (1.0 - rate) * size <= VS_LEFT) return 1;
+      if (rate / (1.0 - rate) * size <= VS_LEFT && pushed <= VS_LEFT) return 1;
       if (*rounds > 3 && pow(rate, VS_MOST_ROUNDS - *rounds) / (1.0 - rate) * size > VS_LEFT)
         return 0;
     }

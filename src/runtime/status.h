@@ -11,7 +11,8 @@ typedef enum {
   SCENE_CHATTERING,     /* a formula jumps where the motion turns back at once: no branch goes on */
   SCENE_NO_MOTION,      /* a jump leads to no state on the constraints */
   SCENE_INCONSISTENT,   /* the first commands contradict the scene's initial values */
-  SCENE_NO_MODES        /* no modes of the elements that hold go on: rigid ones contradict */
+  SCENE_NO_MODES,       /* no modes of the elements that hold go on: rigid ones contradict */
+  SCENE_STEP_TOO_LARGE  /* the error of a step of fixed length is a large part of the state */
 } scene_status;
 
 /* A change of an element's mode, or an event of the scene, whose number follows the elements'. */

@@ -1,6 +1,13 @@
 /* A step: the series of the present, how far it holds, and the state there, from which the next
  * series begins. */
 
+#ifndef VS_INTERPRETED
+/* (An interpreter has schemes of its own beside.) */
+VS_FUNCTION scene_status vs_expand_by_stages(scene_model* m, double limit) {
+  return vs_expand_implicitly(m, limit);
+}
+#endif
+
 /* The longest that the inputs let a step be, s. */
 VS_FUNCTION double vs_limit(scene_model* m, double left) {
   double limit = seriesSmaller(left, vs_longest(m));
@@ -95,7 +102,7 @@ VS_FUNCTION int vs_keeps_rank(scene_model* m, const scene_series* it, const scen
     m->longest[p] = seriesLarger(m->longest[p], before);
     if (!(product > 0.0 && length > 1e-20 * m->longest[p])) return 0;
     /* (Stages of an implicit step may have been behind.) */
-    if (it->is_implicit && !(length > 0.04 * before && length < 25.0 * before)) return 0;
+    if (it->method != VS_BY_SERIES && !(length > 0.04 * before && length < 25.0 * before)) return 0;
   }
   return 1;
 }
@@ -212,7 +219,14 @@ VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, dou
     const scene_signal* const s = &m->now.input[i];
     is_kink = is_kink || (s->form == VS_RAMP && s->age >= s->end);
   }
-  *defect = it->is_implicit ? 0.0 : vs_defect(m, it, next, &expected, *theta, is_kink, behind);
+  *defect =
+      it->method != VS_BY_SERIES ? 0.0 : vs_defect(m, it, next, &expected, *theta, is_kink, behind);
+  if (m->fixed > 0.0 && isfinite(*defect)) {
+    /* It is no bound, unless little of the state is left. */
+    if (it->method == VS_BY_SERIES) m->error = *defect;
+    if (m->error * RELATIVE_TOLERANCE > 0.1) return SCENE_STEP_TOO_LARGE;
+    *defect = 0.0;
+  }
   *why = !vs_keeps_rank(m, it, next)           ? SCENE_SINGULAR
          : vs_has_leapt(m, &before, &expected) ? SCENE_NOT_CONVERGED
                                                : SCENE_OK;
@@ -281,10 +295,23 @@ VS_FUNCTION_RARE int vs_are_guards_shown(scene_model* m, const vs_event* at, dou
   return are_shown;
 }
 
-/* Polynomials of an implicit step, or, where there is none, series. */
+/* Series in place of the stages of a stepper by name. The unit of the next ones is the length of
+ * these. */
+VS_FUNCTION scene_status vs_expand_instead(scene_model* m, double limit) {
+  scene_status status;
+  m->is_begun = 0;
+  m->choice.ahead = 0.0;
+  if (m->choice.by_series > 0.0) m->usual = m->choice.by_series;
+  status = vs_expand(m, limit);
+  if (status == SCENE_OK) m->choice.by_series = m->usual;
+  return status;
+}
+
+/* Polynomials of a step by stages, or, where there is none, series. */
 VS_FUNCTION scene_status vs_expand_either(scene_model* m, double limit) {
-  const scene_status status = vs_expand_implicitly(m, limit);
+  const scene_status status = vs_expand_by_stages(m, limit);
   if (status == SCENE_OK || !HAS_SERIES) return status;
+  if (!CHOOSES_METHOD) return vs_expand_instead(m, limit);
   vs_give_up_implicit(m);
   return vs_expand(m, limit);
 }
@@ -292,26 +319,76 @@ VS_FUNCTION scene_status vs_expand_either(scene_model* m, double limit) {
 /* Polynomials of a step of at most `limit` s, by the method that was chosen. */
 VS_FUNCTION scene_status vs_find_polynomials(scene_model* m, double limit) {
   /* (Series make a step that is no longer than theirs.) */
-  const int is_implicit = !HAS_SERIES || (CHOOSES_METHOD && m->choice.method == VS_IMPLICIT &&
-                                          limit > m->choice.by_series);
-  scene_status status = is_implicit ? vs_expand_either(m, limit) : vs_expand(m, limit);
-  if (!HAS_SERIES || !CHOOSES_METHOD || status != SCENE_NOT_FINITE) return status;
-  vs_go_around(m);
-  status = vs_expand_implicitly(m, limit);
+  const int is_chosen =
+      CHOOSES_METHOD && m->choice.method == VS_IMPLICIT && limit > m->choice.by_series;
+  scene_status status;
+  if (SERIES_LEAD && m->choice.ahead == 0.0 && m->fixed == 0.0) {
+    /* A first step by series tells how long those of a stepper by name may be. */
+    status = vs_expand_instead(m, limit);
+    if (status == SCENE_OK) m->choice.ahead = seriesSmaller(limit, m->usual);
+  } else {
+    status = BY_STAGES || is_chosen ? vs_expand_either(m, limit) : vs_expand(m, limit);
+  }
+  if (!HAS_SERIES || !(CHOOSES_METHOD || BY_STAGES) || status != SCENE_NOT_FINITE) return status;
+  if (CHOOSES_METHOD) vs_go_around(m);
+  status = vs_expand_by_stages(m, limit);
   return status == SCENE_TOO_MANY_STEPS ? SCENE_NOT_FINITE : status;
+}
+
+/* Moves polynomials through stages, where formulas have series, off the first event: series lead
+ * over that, and steps by stages end before. 0 where there are no series here. */
+VS_FUNCTION int vs_leave_to_series(scene_model* m, double limit, double* theta) {
+  enum { VS_MOST_ROUNDS = 10 };
+  const double further = 1.02, ahead = 0.999;
+  const double soon = 1e-6 * seriesLarger(1.0, m->now.time); /* s */
+  const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time);
+  scene_status status;
+  int round, halvings = 0;
+  for (round = 0; round < VS_MOST_ROUNDS; ++round) {
+    const double unit = vs_series(m)->unit, whole = further * *theta;
+    double end = whole, h;
+    const vs_event at = vs_find_event(m, vs_series(m), &end, -1, 1);
+    const int is_met = at.guard >= 0 || at.element >= 0;
+    const double reach = is_met ? seriesSmaller(at.theta, *theta) : *theta;
+    const int is_shown = reach * unit <= 2.0 * least ||
+                         ((is_met || end == whole) && vs_are_guards_shown(m, &at, reach));
+    const int is_close =
+        m->fixed > 0.0 || vs_series(m)->method == VS_EXPLICIT || at.theta * unit <= soon;
+    if (is_shown && (!is_met || ahead * at.theta > *theta)) return 1;
+    if (is_shown ? is_close : halvings++ >= 2) break;
+    h = (is_shown ? ahead : 0.5) * reach * unit;
+    if (!is_shown) ++m->rejections;
+    m->choice.ahead = h;
+    if (vs_expand_by_stages(m, h) != SCENE_OK) break;
+    *theta = seriesSmaller(h, m->usual) / vs_series(m)->unit;
+  }
+  status = vs_expand_instead(m, limit);
+  *theta = seriesSmaller(limit, m->usual) / vs_series(m)->unit;
+  return status == SCENE_OK;
 }
 
 /* The first event up to *theta. The formulas behind it are others: the polynomials of an implicit
  * step, some stages of which were behind it, are made anew up to it, and tell of elements only when
  * no guard passes before. They are known a little further. */
-VS_FUNCTION vs_event vs_find_first(scene_model* m, double* theta, scene_status* status) {
+VS_FUNCTION vs_event vs_find_first(scene_model* m, double limit, double* theta,
+                                   scene_status* status) {
   enum { VS_MOST_ROUNDS = 10 };
   const double further = 1.02, ahead = 0.999;
   const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time); /* s */
   int has_elements = !HOLDS, round = 0, halvings = 0;
-  vs_event at;
+  vs_event at = {0.0, -1, 0, 0.0, 0.0, -1, 0, 0, -1};
   *status = SCENE_OK;
-  if (!vs_series(m)->is_implicit) return vs_find_event(m, vs_series(m), theta, -1, 1);
+  if (SERIES_LEAD && vs_series(m)->method != VS_BY_SERIES) {
+    const double length = *theta * vs_series(m)->unit;
+    if (vs_leave_to_series(m, limit, theta)) {
+      if (vs_series(m)->method != VS_BY_SERIES) return at;
+    } else {
+      *status = vs_expand_by_stages(m, length);
+      if (*status != SCENE_OK) return at;
+      *theta = m->usual / vs_series(m)->unit;
+    }
+  }
+  if (vs_series(m)->method == VS_BY_SERIES) return vs_find_event(m, vs_series(m), theta, -1, 1);
   for (;;) {
     double end = further * *theta, h, reach;
     int is_met, is_inside;
@@ -333,7 +410,7 @@ VS_FUNCTION vs_event vs_find_first(scene_model* m, double* theta, scene_status* 
       *status = vs_expand_either(m, h);
       if (*status != SCENE_OK) return at;
       *theta = seriesSmaller(h, m->usual) / vs_series(m)->unit;
-      if (!vs_series(m)->is_implicit) return vs_find_event(m, vs_series(m), theta, -1, 1);
+      if (vs_series(m)->method == VS_BY_SERIES) return vs_find_event(m, vs_series(m), theta, -1, 1);
     } else if (!has_elements) {
       has_elements = 1;
     } else {
@@ -412,6 +489,7 @@ VS_FUNCTION scene_status vs_accept(scene_model* m, const vs_event* at, double th
     m->begun = m->now;
   }
   m->is_begun = is_smooth;
+  if (SERIES_LEAD && (at->guard >= 0 || !is_smooth)) m->choice.ahead = 0.0;
   m->reached = theta;
   m->passed = at->guard;
   ++m->steps;
@@ -437,18 +515,25 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
   for (trial = 0; trial < 60; ++trial) {
     double defect = 0.0, h, part;
     int is_met, is_smooth;
-    vs_event at = vs_find_first(m, &theta, &status);
+    vs_event at = vs_find_first(m, limit, &theta, &status);
     if (status != SCENE_OK) return status;
     status = vs_pass(m, &at, &theta, &defect, &why, &is_smooth);
     h = theta * vs_series(m)->unit;
     is_met = at.guard >= 0 || at.element >= 0;
-    m->crossings = is_met && h <= 1e-9 * seriesLarger(1.0, m->now.time) ? m->crossings + 1 : 0;
-    if (status == SCENE_OK && m->crossings > 20) return SCENE_CHATTERING;
+    if (h > 1e-9 * seriesLarger(1.0, m->now.time))
+      m->crossings = 0;
+    else if (is_met)
+      ++m->crossings;
+    if (status == SCENE_OK && m->crossings > 20) {
+      if (at.guard >= 0) m->passed = at.guard;
+      return SCENE_CHATTERING;
+    }
     if (status == SCENE_OK && defect <= 1.0) {
       *made = h;
       status = vs_accept(m, &at, theta, h, is_smooth);
       if (status != SCENE_NO_MODES) return status;
     }
+    if (status == SCENE_STEP_TOO_LARGE) return status;
     if (status == SCENE_NO_MOTION || status == SCENE_NO_MODES) {
       /* Nothing goes on behind the event: this step ends shortly before it, and the next one stops
          there. */
@@ -472,7 +557,8 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
     theta *= part > 0.2 ? part : 0.2;
     h = theta * vs_series(m)->unit;
     if (!(h > seriesSmaller(1e-14 * seriesLarger(1.0, m->now.time), 1e-3 * limit))) break;
-    if (vs_series(m)->is_implicit) { /* what stood in the way may have been at a stage, too */
+    if (vs_series(m)->method !=
+        VS_BY_SERIES) { /* what stood in the way may have been at a stage, too */
       status = vs_find_polynomials(m, h);
       if (status != SCENE_OK) return status;
       theta = seriesSmaller(h, m->usual) / vs_series(m)->unit;

@@ -154,7 +154,7 @@ VS_FUNCTION_RARE void vs_give_up_implicit(scene_model* m) {
 
 /* Chooses the method of the next step, the last one having been h s long. */
 VS_FUNCTION void vs_choose_method(scene_model* m, const scene_series* it, double h) {
-  if (!CHOOSES_METHOD || !HAS_SERIES) return;
+  if (!CHOOSES_METHOD || BY_STAGES) return;
   if (m->choice.method == VS_IMPLICIT)
     vs_reconsider(m);
   else

@@ -1,0 +1,57 @@
+/// Explicit Runge-Kutta schemes of Boost.Odeint for the steps of a motion (explicit_motion.inc).
+#pragma once
+
+#include <memory>
+
+#include "motion_program/motion_program.h"
+
+namespace variator_sim {
+
+/// The slope x' of a state, `at` s behind the start of a step. NaN where there is none.
+class SlopeOfMotion {
+ public:
+  virtual void calc(double at, const double* x, double* slope) = 0;
+
+ protected:
+  ~SlopeOfMotion() = default;
+};
+
+/// A step of h s from the state x with the slope x', and the nodes, parts of h, at which states are
+/// asked for: the last is the end.
+struct ExplicitStep {
+  int size;   ///< of x
+  int first;  ///< the error of components from this one on counts
+  double h;
+  const double* x;
+  const double* slope;
+  int nodes;
+  const double* node;
+  double* at_node;  ///< nodes x size
+  SlopeOfMotion* motion;
+};
+
+/// Its functions are [loop].
+class ExplicitScheme {
+ public:
+  virtual ~ExplicitScheme() = default;
+  ExplicitScheme(const ExplicitScheme&) = delete;
+  ExplicitScheme& operator=(const ExplicitScheme&) = delete;
+
+  /// Returns p of the error h^p.
+  int order() const { return order_; }
+  /// Makes a step. Returns its error in tolerances; NaN where the motion has no value.
+  virtual double make(const ExplicitStep& step) = 0;
+  /// Returns the error of the last step's end, or null where it has none for each component.
+  virtual const double* errorAtEnd() const { return nullptr; }
+
+ protected:
+  explicit ExplicitScheme(int order) : order_(order) {}
+
+ private:
+  const int order_;
+};
+
+/// Returns the scheme of the scene's stepper for its motion, or null where that is no explicit one.
+std::unique_ptr<ExplicitScheme> makeExplicitScheme(const MotionProgram& program);
+
+}  // namespace variator_sim
