@@ -242,33 +242,5 @@ TEST(CommandSignal, DoesNotClampByItself) {
   EXPECT_EQ(signal.value(0.0), 5.0);
 }
 
-TEST(CommandSignal, IsEnclosedBetweenTwoTimes) {
-  for (const Hold hold : {Hold::kZeroOrder, Hold::kFirstOrderLag, Hold::kRateLimit,
-                          Hold::kFirstOrderHold, Hold::kSecondOrderLag}) {
-    const CommandInputSettings settings = makeSettings(hold, 0.5, 1.0);
-    CommandSignal signal;
-    signal.reset(settings);
-    signal.command(settings, 0.0, 9.0);
-    signal.command(settings, 0.4, 0.5);  // a lag of second order goes on upwards, then turns
-    const double end = std::min(signal.segmentEnd(), 3.0);
-    for (double from = 0.4; from < end; from += 0.11) {
-      for (double to = from; to <= end; to += 0.13) {
-        const Interval range = signal.enclose(from, to);
-        double low = kInfinity;
-        double high = -kInfinity;
-        for (int n = 0; n <= 500; ++n) {
-          const double u = signal.value(from + (to - from) * n / 500.0);
-          low = std::min(low, u);
-          high = std::max(high, u);
-        }
-        EXPECT_LE(range.low, low + 1e-14);
-        EXPECT_GE(range.high, high - 1e-14);
-        EXPECT_NEAR(range.low, low, 1e-4);
-        EXPECT_NEAR(range.high, high, 1e-4);
-      }
-    }
-  }
-}
-
 }  // namespace
 }  // namespace variator_sim

@@ -364,46 +364,35 @@ TEST(KinksOfOrder1, TurnWithASpeed) {
   }
 }
 
-/// Two shafts under a ratio with slip, whose slip has a corner at e1 = -0.5 or comes near to one.
-Simulation corneredRatio(const std::string& size, const std::string& magnitude) {
-  return Simulation(
-      test::sceneFromText("a 1.5, b 0.8",
-                          {"q on a: 3*sin(3*t)-0.4*w1",
-                           std::string("v: 0.2*(e2-0.4*e1)+w2-0.4*w1+") + size + "*" + magnitude},
-                          "principle: gauss\ninitial: {velocity: [2, 0.8]}"));
-}
-const char* const kCorner = "abs(e1+0.5)";
-const char* const kAlmost = "sqrt((e1+0.5)^2+1e-12)";
-
-// Accelerations of least reaction enter a corner of psi, stay there for a while and leave it again:
-// the limit of smooth corners, which grow stiffer and stiffer.
-TEST(CornersOfPsi, AreEnteredAndLeftUnderGauss) {
-  Simulation cornered = corneredRatio("0.02", kCorner);
-  Simulation smooth = corneredRatio("0.02", kAlmost);
-  int in_corner = 0;
-  for (int n = 1; n <= 6000; ++n) {
-    ASSERT_TRUE(cornered.advanceTo(0.001 * n).ok()) << cornered.describeStatus();
-    in_corner += std::abs(cornered.sample().acceleration[0] + 0.5) < 1e-9 ? 1 : 0;
-  }
+// psi with a corner in the accelerations, at e1 = -0.5, is the limit of smooth ones.
+TEST(CornersOfPsi, ArePassed) {
+  const auto ratio = [](const char* magnitude) {
+    return Simulation(
+        test::sceneFromText("a 1.5, b 0.8",
+                            {"q on a: 3*sin(3*t)-0.4*w1",
+                             std::string("v: 0.2*(e2-0.4*e1)+w2-0.4*w1+0.02*") + magnitude},
+                            "initial: {velocity: [2, 0.8]}"));
+  };
+  Simulation cornered = ratio("abs(e1+0.5)");
+  Simulation smooth = ratio("sqrt((e1+0.5)^2+1e-14)");
+  ASSERT_TRUE(cornered.advanceTo(6.0).ok()) << cornered.describeStatus();
   ASSERT_TRUE(smooth.advanceTo(6.0).ok()) << smooth.describeStatus();
   for (int i = 0; i < 2; ++i) {
-    EXPECT_NEAR(cornered.sample().velocity[i], smooth.sample().velocity[i], 1e-8);
-    EXPECT_NEAR(cornered.sample().acceleration[i], smooth.sample().acceleration[i], 1e-8);
+    EXPECT_NEAR(cornered.sample().velocity[i], smooth.sample().velocity[i], 1e-6);
+    EXPECT_NEAR(cornered.sample().acceleration[i], smooth.sample().acceleration[i], 1e-6);
   }
-  EXPECT_GE(in_corner, 5);
-  EXPECT_LT(cornered.statistics().steps, 1500U);
+  EXPECT_LT(cornered.statistics().steps, 100U);
 }
 
-// At a sharper corner the least reaction ends, as at a fold of the smooth one: the accelerations
-// would have to jump.
-TEST(CornersOfPsi, EndALeastReactionByName) {
-  for (const char* size : {"0.07", "-0.05", "-0.02"}) {
-    Simulation cornered = corneredRatio(size, kCorner);
-    Simulation smooth = corneredRatio(size, kAlmost);
-    EXPECT_EQ(smooth.advanceTo(2.0).reason, StopReason::kProjectionFailed) << size;
-    EXPECT_EQ(cornered.advanceTo(2.0).reason, StopReason::kProjectionFailed) << size;
-    EXPECT_NEAR(cornered.time(), smooth.time(), 1e-4) << size;
-    EXPECT_GT(cornered.time(), 1.0) << size;
+// The accelerations of least reaction would stay in a corner for a while.
+TEST(CornersOfPsi, AreRefusedUnderGauss) {
+  try {
+    Simulation(
+        test::sceneFromText("a 1.5, b 0.8", {"v: e2-0.4*e1+0.02*abs(e1+0.5)"}, "principle: gauss"));
+    ADD_FAILURE() << "accepted";
+  } catch (const SceneError& error) {
+    EXPECT_EQ(error.keyPath(), "v");
+    EXPECT_NE(error.message().find("sqrt(x^2+1e-12) for abs(x)"), std::string::npos);
   }
 }
 

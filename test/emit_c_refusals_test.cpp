@@ -66,13 +66,6 @@ TEST(EmitCRefusals, NothingOfFormulas) {
   EXPECT_EQ(refusalOf(kFormulaTorque, type + "order: 1, expression: \"w2-max(w1,0.5*w1)\"}"), "");
 }
 
-TEST(EmitCRefusals, CornersInTheAccelerations) {
-  const std::string bent =
-      "{type: variator_sim/ExpressionConstraint, order: 2, expression: \"e2-e1+0.01*abs(e1)\"}";
-  EXPECT_NE(refusalOf(kFormulaTorque, bent).find("allowed: a formula that is smooth"),
-            std::string::npos);
-}
-
 TEST(EmitCRefusals, OpaqueFunctions) {
   const std::string refusal = refusalOf("{type: test/OpaqueDrag}", kFormulaConstraint);
   EXPECT_NE(refusal.find("the_torque: cannot be written as C: it calls a function of its plugin"),

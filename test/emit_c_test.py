@@ -429,7 +429,8 @@ initial: {velocity: [0.0, 0.0]}
 
     def test_refuses_by_name_what_it_cannot_write(self):
         bent = SLIP.replace("+w2", "+0.01*abs(e1)+w2")
-        self.check_refused(MOTOR % "" + bent, "variator", "accelerations", "sqrt(x^2+1e-6)")
+        self.check_refused(MOTOR % "" + bent + "principle: gauss\n", "variator", "accelerations",
+                           "sqrt(x^2+1e-12)")
 
     def test_usage(self):
         path = self.folder / "s.yaml"

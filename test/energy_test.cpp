@@ -1,7 +1,5 @@
 // The energy account: against closed forms and a quadrature of the samples' own columns; samples
 // change neither the motion nor the account.
-#include "motion/energy.h"
-
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -49,29 +47,6 @@ Simulation tracked(Scene scene) {
 Energy energyAt(Simulation& simulation, double time) {
   EXPECT_TRUE(simulation.advanceTo(time).ok()) << simulation.describeStatus();
   return simulation.sample().energy;
-}
-
-// --- the quadrature ---------------------------------------------------------------------------
-TEST(Integrate, IsExactForPolynomialsOfDegree11) {
-  for (int degree = 0; degree <= 11; ++degree) {
-    const double integral =
-        integrate([&](double x) { return std::pow(x, degree); }, 0.0, 2.0, 1.0, 0);
-    EXPECT_NEAR(integral, std::pow(2.0, degree + 1) / (degree + 1), 1e-14 * std::pow(2.0, degree));
-  }
-}
-
-TEST(Integrate, HalvesWhereTheIntegrandIsNotSmooth) {
-  int calls = 0;
-  const auto corner = [&](double x) {
-    ++calls;
-    return std::abs(x - 0.3);
-  };
-  const double exact = 0.5 * (0.09 + 0.49);
-  EXPECT_GT(std::abs(integrate(corner, 0.0, 1.0, 1.0, 4) - exact), 1e-4);
-  EXPECT_EQ(calls, 7);
-  EXPECT_NEAR(integrate(corner, 0.0, 1.0, 1e-9, 4), exact, 1e-5);
-  EXPECT_EQ(calls, 7 + 9 * 7);  // only the half that holds the corner is halved again
-  EXPECT_EQ(integrate([](double) { return 0.0; }, 0.0, 1.0, 1e-9, 4), 0.0);
 }
 
 // --- closed forms -----------------------------------------------------------------------------

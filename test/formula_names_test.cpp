@@ -107,32 +107,6 @@ TEST(Choice, JumpsAtItsEdge) {
   }
 }
 
-TEST(Choice, IsGuardedByTheRangesOfInputs) {
-  Formulas f;
-  f.symbols["u"] = f.graph.variable(slotOf(Source::kInput, 1));
-  const GuardPtr guard = findGuards(f.graph, {f.read("if(2*u > x, 1, 0)")}).front();
-  EXPECT_TRUE(guard->readsInputs());
-  const double input[] = {0.0, 1.0};
-  const double velocity[] = {1.0};
-  const int side = guard->branch({0.0, nullptr, velocity, nullptr, input, nullptr});
-  StateBox box;
-  box.velocity[0] = {0.9, 1.1};
-  EXPECT_TRUE(guard->mayLeave(box, side));  // nothing is known of u
-  const Interval inputs[] = {{-5.0, 5.0}, {0.6, 1.2}};
-  box.input = inputs;
-  EXPECT_FALSE(guard->mayLeave(box, side));
-  box.velocity[0] = {0.9, 1.3};
-  EXPECT_TRUE(guard->mayLeave(box, side));
-  // On the edge for certain.
-  const Interval half{0.5, 0.5};
-  const Interval on_edge[] = {half, half};
-  box.input = on_edge;
-  box.velocity[0] = {1.0, 1.0};
-  EXPECT_FALSE(guard->mayLeave(box, Guard::kOnEdge));
-  box.velocity[0] = {1.0, 1.1};
-  EXPECT_TRUE(guard->mayLeave(box, Guard::kOnEdge));
-}
-
 TEST(Choice, LimitsAValue) {
   Formulas f;
   EXPECT_EQ(f.evaluate("clamp(x, -1, y)", -3.0, 2.0), -1.0);
@@ -221,19 +195,25 @@ TEST(TableNode, EndsAtTheDegreeOfItsPolynomials) {
   EXPECT_TRUE(f.graph.isConstant(f.graph.differentiate(node, slotOf(Source::kVelocity, 0)), 0.0));
 }
 
+TEST(Guards, AreOneForEachArgument) {
+  Formulas f;
+  const auto guardsOf = [&](const char* text) { return findGuards(f.graph, {f.read(text)}); };
+  EXPECT_EQ(guardsOf("abs(x)+abs(x)+sign(x)").size(), 1U);
+  EXPECT_TRUE(guardsOf("abs(x)+sign(x)")[0]->jumps());
+  EXPECT_FALSE(guardsOf("max(x,y)")[0]->jumps());
+  EXPECT_EQ(guardsOf("max(x,min(y,3))").size(), 2U);
+  EXPECT_TRUE(guardsOf("sin(x)*y").empty());
+  EXPECT_TRUE(guardsOf("abs(-3)*y").empty());
+}
+
 TEST(TableNode, HasGuardsAtItsPoints) {
   Formulas f;
   f.tables["curve"] = table(kCurve);
   f.tables["map"] = table(kMap);
   EXPECT_EQ(findGuards(f.graph, {f.read("curve(x) + 3*curve(x)")}).size(), 1U);
   EXPECT_EQ(findGuards(f.graph, {f.read("map(x, y)")}).size(), 2U);
-  // Switching functions of the time become known instants.
   EXPECT_TRUE(findGuards(f.graph, {f.read("curve(t)*x")}).empty());
-  EXPECT_EQ(findInstants(f.graph, {f.read("curve(t)*x")}),
-            (std::vector<double>{-1.0, 0.5, 2.0, 2.5, 4.0}));
-  EXPECT_TRUE(findInstants(f.graph, {f.read("curve(2*t)*x")}).empty());
   EXPECT_EQ(findGuards(f.graph, {f.read("map(t, x)")}).size(), 1U);
-  EXPECT_EQ(findInstants(f.graph, {f.read("map(t, x)")}).size(), 4U);
 
   const GuardPtr guard = findGuards(f.graph, {f.read("curve(2*x)")}).front();
   EXPECT_FALSE(guard->jumps());
@@ -244,44 +224,6 @@ TEST(TableNode, HasGuardsAtItsPoints) {
   EXPECT_EQ(branch(0.0), 1);
   EXPECT_EQ(branch(0.25), Guard::kOnEdge);
   EXPECT_EQ(branch(9.0), 5);
-  StateBox box;
-  box.velocity[0] = {0.3, 0.9};
-  EXPECT_FALSE(guard->mayLeave(box, 2));
-  EXPECT_TRUE(guard->mayLeave(box, 1));
-  box.velocity[0] = {0.2, 0.9};
-  EXPECT_TRUE(guard->mayLeave(box, 2));
-}
-
-TEST(TableNode, IsEnclosed) {
-  std::mt19937 random(7);
-  std::uniform_real_distribution<double> place(-4.0, 7.0);
-  std::uniform_real_distribution<double> part(0.0, 1.0);
-  for (const Table::Beyond beyond : {Table::Beyond::kConstant, Table::Beyond::kLinear}) {
-    const NamedTable curve = table(kCurve, beyond);
-    const NamedTable map = table(kMap, beyond);
-    for (int n = 0; n < 3000; ++n) {
-      const double width = std::pow(10.0, -4.0 * part(random));
-      const Interval x{place(random), 0.0};
-      const Interval in_x{x.low, x.low + width};
-      const double low = place(random);
-      const Interval in_y{low, low + width};
-      const double at_x = in_x.low + part(random) * width;
-      const double at_y = in_y.low + part(random) * width;
-      const double slack = 1e-12;
-      const Interval one = curve.of_one->enclose(0, in_x);
-      EXPECT_LE(one.low - slack, curve.of_one->value(at_x));
-      EXPECT_GE(one.high + slack, curve.of_one->value(at_x));
-      const Table2::Order order{n % 2, n / 2 % 3};
-      const double value = map.of_two->derivative(order, at_x, at_y);
-      const Interval two = map.of_two->enclose(order, in_x, in_y);
-      EXPECT_LE(two.low - slack * (1.0 + std::abs(value)), value);
-      EXPECT_GE(two.high + slack * (1.0 + std::abs(value)), value);
-      // It tells something where the rectangle is small.
-      if (width < 1e-3) {
-        EXPECT_LT(two.high - two.low, 3e3 * width);
-      }
-    }
-  }
 }
 
 TEST(TableNode, NeedsItsArguments) {

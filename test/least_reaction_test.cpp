@@ -349,40 +349,6 @@ TEST(LeastReaction, PsiThatJumpsOverZeroIsNoStart) {
 }
 
 // --- linear in pieces ---------------------------------------------------------------------------
-TEST(LeastReaction, FollowsThePiecesOfPsi) {
-  // psi = 0.2 (e2 - 0.6 e1) + w2 - 0.6 w1 + 0.1 |e1|: first on the piece e1 > 0, then in the corner
-  // e1 = 0, where w1 stays and w2 goes on by 0.2 e2 + w2 = 0.6 w1.
-  const std::string text = test::sceneText(
-      "a 1, b 2",
-      {"qa on a: -0.1*w1", "qb on b: 1-0.3*w2", "v: 0.2*(e2-0.6*e1)+w2-0.6*w1+0.1*abs(e1)"},
-      "initial: {velocity: [1, 1]}\n"
-      "principle: gauss");
-  Simulation simulation(test::sceneFromText(text));
-  // On the piece e1 > 0: J e = Q + lambda C, C = (-0.02, 0.2)
-  EXPECT_NEAR(simulation.sample().acceleration[0], 0.37 / 1.02, 1e-12);
-  EXPECT_NEAR(simulation.sample().acceleration[1], -1.963725490196078, 1e-12);
-  double w1 = 0.0;
-  double w2 = 0.0;
-  for (double t : {0.6, 1.0, 1.5, 3.0}) {
-    simulation.advanceTo(t);
-    ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();
-    const Sample& s = simulation.sample();
-    EXPECT_NEAR(s.residual[0], 0.0, 1e-12);
-    if (t == 0.6) {
-      w1 = s.velocity[0];
-      w2 = s.velocity[1];
-      continue;
-    }
-    const double left = (w2 - 0.6 * w1) * std::exp(-(t - 0.6) / 0.2);
-    EXPECT_NEAR(s.acceleration[0], 0.0, 1e-9);
-    EXPECT_NEAR(s.velocity[0], w1, 1e-9);
-    EXPECT_NEAR(s.velocity[1], 0.6 * w1 + left, 1e-8);
-    EXPECT_NEAR(s.acceleration[1], -left / 0.2, 1e-7);
-    // R2 = 2 e2 - 1 + 0.3 w2
-    EXPECT_NEAR(s.reaction_torque_rate[1], 2.0 * left / 0.04 - 0.3 * left / 0.2, 1e-6);
-  }
-}
-
 std::string kinkScene(double slope, const std::string& shaft, const std::string& initial) {
   return test::sceneText(
       "a 1, b 2",

@@ -1,10 +1,8 @@
-// Skipping unneeded work - derivatives by angles, sizes looked up while running - changes a motion
-// by rounding only.
+// Scenes that need less than others, as no angles or the expected commands alone, move as all do.
 
 #include <ostream>
 
 #include "motion/command_rhythm.h"
-#include "motion/motion.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -107,9 +105,8 @@ struct Result {
   Statistics statistics;
 };
 
-Result run(Scene scene, const Shortcuts& shortcuts = {}) {
-  Simulation simulation(scene);
-  Motion::of(simulation) = std::make_unique<Motion>(std::move(scene), shortcuts);
+Result run(Scene scene) {
+  Simulation simulation(std::move(scene));
   Result result;
   for (int n = 1; n <= 20; ++n) {
     simulation.advanceTo(kEnd * n / 20.0);
@@ -145,37 +142,6 @@ class Skips : public testing::TestWithParam<SkipScene> {
                              stepper);
   }
 };
-
-TEST_P(Skips, ChangeNothingButRounding) {
-  for (StepperKind stepper : {StepperKind::kAuto, StepperKind::kDopri5, StepperKind::kFehlberg78,
-                              StepperKind::kRadau, StepperKind::kTaylor}) {
-    const bool is_implicit = stepper == StepperKind::kRadau;
-    const double tolerance = is_implicit ? 1e-8 : kTolerance;
-    const Result all = run(scene(stepper, tolerance));
-    for (bool Shortcuts::*skip : {&Shortcuts::specialize, &Shortcuts::skip_angles}) {
-      Shortcuts without;
-      without.*skip = false;
-      const Result result = run(scene(stepper, tolerance), without);
-      SCOPED_TRACE(std::string(toString(stepper)) + " without " +
-                   (skip == &Shortcuts::specialize ? "specialize" : "skip_angles"));
-      // of implicit steps the number of Newton's iterations may differ, by less than the tolerance
-      expectSameMotion(result, all, is_implicit ? tolerance : 1e-10);
-      if (is_implicit) continue;
-      // Rounding differs in specialized code, and may tip the acceptance of a step.
-      if (skip == &Shortcuts::specialize) {
-        EXPECT_NEAR(static_cast<double>(result.statistics.steps),
-                    static_cast<double>(all.statistics.steps),
-                    2.0 + 0.02 * static_cast<double>(all.statistics.steps));
-        continue;
-      }
-      // no step more or less, and no evaluation
-      EXPECT_EQ(result.statistics.steps, all.statistics.steps);
-      EXPECT_EQ(result.statistics.rejected_steps, all.statistics.rejected_steps);
-      EXPECT_EQ(result.statistics.right_hand_sides, all.statistics.right_hand_sides);
-      EXPECT_EQ(result.statistics.jumps, all.statistics.jumps);
-    }
-  }
-}
 
 // Another scheme at a tighter tolerance.
 TEST_P(Skips, LeaveTheMotionRight) {

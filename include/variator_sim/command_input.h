@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "variator_sim/expression/graph.h"
-#include "variator_sim/guard.h"
 #include "variator_sim/parameter_tree.h"
 
 namespace variator_sim {
@@ -89,8 +88,6 @@ class CommandSignal {
   double value(double time) const { return at(time).value; }
   double rate(double time) const { return at(time).rate; }
   double secondRate(double time) const { return at(time).second_rate; }
-  /// Encloses u between two times without an event between them.
-  Interval enclose(double from, double to) const;
   /// Returns the end of the current closed form (a ramp or a lag arrives), or infinity.
   double segmentEnd() const { return segment_end_; }
   /// Moves past `segmentEnd()`: u stays at its target from there.

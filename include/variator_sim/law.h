@@ -62,9 +62,6 @@ class Law {
   /// Returns the law's switching functions. Steps end at their zeros, because an error estimate
   /// across a kink is unreliable.
   const std::vector<GuardPtr>& guards() const { return guards_; }
-  /// Returns the instants, s, in any order, at which this law or a derivative of it that counts is
-  /// not smooth (the points of a table over time, say): steps end there.
-  const std::vector<double>& instants() const { return instants_; }
   /// Returns the named outputs of this element ("slip"). `state.acceleration` may be read.
   const NamedOutputs& outputs() const { return outputs_; }
 
@@ -89,7 +86,6 @@ class Law {
   std::shared_ptr<expression::Graph> graph_;
   std::vector<expression::Node> formulas_;
   std::vector<GuardPtr> guards_;
-  std::vector<double> instants_;  ///< s
   std::vector<Holding> holdings_;
   NamedOutputs outputs_;
 };

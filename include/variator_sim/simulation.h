@@ -14,7 +14,6 @@
 
 namespace variator_sim {
 
-struct Motion;
 struct MotionBase;
 
 enum class CommandResult { kAccepted, kClamped, kRefused };
@@ -155,7 +154,7 @@ class Simulation {
   bool isSleeping() const;
 
  private:
-  friend struct Motion;
+  friend struct MotionBase;
   std::unique_ptr<MotionBase> motion_;
 };
 

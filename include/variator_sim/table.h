@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "variator_sim/errors.h"
-#include "variator_sim/guard.h"
 #include "variator_sim/parameter_tree.h"
 #include "variator_sim/units.h"
 
@@ -88,8 +87,6 @@ class Table {
   double curvature(double x) const { return derivative(2, x); }  ///< d2y/dx2
   /// Returns d^order y/dx^order; right-hand where it jumps; from the sixth on 0.
   double derivative(int order, double x) const;
-  /// Encloses that derivative over `x`; infinite if no better bound is cheap. [loop]
-  Interval enclose(int order, const Interval& x) const;
   /// Returns the x_k, at which derivatives from that of order `smoothness` on jump.
   std::vector<double> points() const;
   /// 3, of kLinear 1, of kHold 0.

@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "variator_sim/guard.h"
 #include "variator_sim/parameter_tree.h"
 #include "variator_sim/table.h"
 
@@ -52,8 +51,6 @@ class Table2 {
   double value(double x, double y) const { return derivative({}, x, y); }
   /// Returns d^(m + n) z / dx^m dy^n; 0 if m or n is above five.
   double derivative(Order order, double x, double y) const;
-  /// Encloses that derivative over a rectangle; infinite if no better bound is cheap. [loop]
-  Interval enclose(Order order, const Interval& x, const Interval& y) const;
   /// Returns the x_i and the y_j, at which derivatives from that of order `smoothness` on jump.
   const std::vector<double>& pointsX() const;
   const std::vector<double>& pointsY() const;

@@ -96,11 +96,10 @@ OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
                          scene.extreme_numbers);
   }
   if (start.result != InitialResult::kConsistent) throwInitialError(system, scene, start);
-  Sample sample;
-  system.calcSample(0.0, start.x, &sample);
-  point.angle.assign(sample.angle, sample.angle + s);
-  point.velocity.assign(sample.velocity, sample.velocity + s);
-  point.acceleration.assign(sample.acceleration, sample.acceleration + s);
+  const StateView state = system.view(0.0, start.x);
+  point.angle.assign(state.angle, state.angle + s);
+  point.velocity.assign(state.velocity, state.velocity + s);
+  point.acceleration.assign(state.acceleration, state.acceleration + s);
   for (const CommandInputSettings& input : scene.inputs) point.input.push_back(input.initial);
   point.input_rate.assign(scene.inputs.size(), 0.0);
   point.command = point.input;

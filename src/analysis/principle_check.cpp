@@ -121,11 +121,6 @@ PrincipleCheck::PrincipleCheck(const Scene& scene)
              "a constraint of order 3 under 'principle: gauss' leads to [18], which is the "
              "minimum of nothing; allowed: orders 1 and 2, or generalized_gauss");
     }
-    if (is_classical_ && !it->kinks().empty()) {
-      refuse(*it,
-             "abs, min or max of accelerations bends it, and at a corner no derivative tells "
-             "what is admissible; allowed: a formula that is smooth in the accelerations");
-    }
   }
 }
 

@@ -6,7 +6,7 @@
 
 namespace variator_sim {
 
-Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts, const Drivetrain* like)
+Drivetrain::Drivetrain(const Scene& scene, const Drivetrain* like)
     : S(scene.shaftCount()),
       scene_(scene),
       inertia_(scene.inertia, scene.inertia_harmonics),
@@ -14,25 +14,13 @@ Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts, const Dri
       velocity_solver_(S, countOrders(scene, 1)),
       acceleration_solver_(S, countOrders(scene, 2)),
       program_(scene, like != nullptr ? &like->program_ : nullptr) {
-  const bool rates = scene.principle == Principle::kGeneralizedGauss;
-  reads_.time = false;
-  reads_.angle = !inertia_.isConstant() || !shortcuts.skip_angles;
-  for (const TorquePtr& torque : scene.torques) {
-    torques_.push_back(torque.get());
-    torques_read_time_ = torques_read_time_ || torque->torqueDependence().time;
-    // Q' does not contain a jump of Q.
-    if (!torque->guards().empty()) note(torque->torqueDependence());
-    if (rates) note(torque->rateDependence());
-    if (!rates || scene.hasOrder3()) note(torque->torqueDependence());
-  }
+  for (const TorquePtr& torque : scene.torques) torques_.push_back(torque.get());
   has_constant_jacobian_ = inertia_.isConstant();
   for (const ConstraintPtr& constraint : scene.constraints) {
     const int m = static_cast<int>(constraints_.size());
     constraints_.push_back(constraint.get());
-    note(constraint->dependence());
     has_constant_jacobian_ = has_constant_jacobian_ && constraint->hasConstantJacobian();
     if (constraint->order() == 1) velocity_rows_.push_back(m);
-    keeps_constraints_in_stages_ = keeps_constraints_in_stages_ && constraint->order() == 2;
     if (constraint->order() <= 2) acceleration_rows_.push_back(m);
     nonlinear_accelerations_ |= constraint->nonlinearAccelerations();
     for (const ConstraintPtr& kink : constraint->kinks()) {
@@ -45,35 +33,19 @@ Drivetrain::Drivetrain(const Scene& scene, const Shortcuts& shortcuts, const Dri
   for (std::size_t m = 0; m < constraints_.size(); ++m) {
     noteBranches(*constraints_[m], {-1, static_cast<int>(m)});
   }
-  std::sort(instants_.begin(), instants_.end());
   hessians_.resize(constraints_.size() * static_cast<std::size_t>(S * S));
-  findColumns();
   signals_.resize(scene.inputs.size());
-  saved_signals_.resize(scene.inputs.size());
-  moments_.resize(kMoments * scene.inputs.size());
   varying_.reserve(scene.inputs.size());
   resetInputs();
-}
-
-void Drivetrain::resetCounts() {
-  right_hand_sides_ = 0;
-  newton_iterations_ = 0;
 }
 
 void Drivetrain::resetInputs() {
   for (std::size_t i = 0; i < signals_.size(); ++i) signals_[i].reset(scene_.inputs[i]);
   refreshInputs(0.0);
-  resetCounts();
-}
-
-void Drivetrain::restoreSignals(double time) {
-  std::copy(saved_signals_.begin(), saved_signals_.end(), signals_.begin());
-  refreshInputs(time);
 }
 
 void Drivetrain::refreshInputs(double time) {
   varying_.clear();
-  moment_time_.fill(std::numeric_limits<double>::quiet_NaN());
   for (std::size_t i = 0; i < signals_.size(); ++i) {
     setInput(static_cast<int>(i), signals_[i].at(time));
     if (!signals_[i].isConstant()) varying_.push_back(static_cast<int>(i));
@@ -81,48 +53,17 @@ void Drivetrain::refreshInputs(double time) {
 }
 
 void Drivetrain::moveInputs(double t) {
-  // The stages of implicit steps come back to the same instants in every iteration.
-  const auto known = std::find(moment_time_.begin(), moment_time_.end(), t);
-  const bool is_known = known != moment_time_.end();
-  const std::size_t place =
-      is_known ? static_cast<std::size_t>(known - moment_time_.begin()) : next_moment_++ % kMoments;
-  CommandSignal::Moment* moment = moments_.data() + place * signals_.size();
-  moment_time_[place] = t;
-  for (int i : varying_) {
-    if (!is_known) *moment = signals_[static_cast<std::size_t>(i)].at(t);
-    setInput(i, *moment++);
+  for (int i : varying_) setInput(i, signals_[static_cast<std::size_t>(i)].at(t));
+}
+
+bool Drivetrain::calcRows(const StateView& state, double* c0) {
+  const double* values = program_.calcRows(state);
+  for (int m = 0; m < constraintCount(); ++m) {
+    std::copy_n(values, S, solver_.row(m));
+    c0[m] = values[S];
+    values += S + 1;
   }
-}
-
-void Drivetrain::encloseInputs(double from, double to, Interval* inputs) const {
-  for (std::size_t i = 0; i < signals_.size(); ++i) inputs[i] = signals_[i].enclose(from, to);
-}
-
-double Drivetrain::inputSegmentEnd() const {
-  double end = std::numeric_limits<double>::infinity();
-  for (int i : varying_) end = std::min(end, signals_[i].segmentEnd());
-  return end;
-}
-
-void Drivetrain::finishInputSegments(double time, double latest) {
-  for (int i : varying_) {
-    if (signal(i).segmentEnd() <= latest) signal(i).finishSegment();
-  }
-  refreshInputs(time);
-}
-
-double Drivetrain::calcKineticEnergy(const double* phi, const double* omega) {
-  if (!inertia_.isConstant()) inertia_.updateValue(phi);
-  double momentum[kMaxShafts];
-  inertia_.multiply(omega, momentum);
-  double twice = 0.0;
-  for (int i = 0; i < S; ++i) twice += omega[i] * momentum[i];
-  return 0.5 * twice;
-}
-
-double Drivetrain::nextInstant(double time) const {
-  const auto next = std::upper_bound(instants_.begin(), instants_.end(), time);
-  return next == instants_.end() ? std::numeric_limits<double>::infinity() : *next;
+  return solver_.factor(inertia_);
 }
 
 void Drivetrain::addCovariantRate(const StateView& state, double* rate) const {
@@ -195,16 +136,6 @@ void Drivetrain::calcOutOfRange(const double* reaction, double* lambda, double* 
   solver_.constrain(kZeros, rest, lambda);
 }
 
-double Drivetrain::calcResidual(int m, const StateView& state, const double* eta) const {
-  const Constraint& row = constraint(m);
-  if (row.order() < 3) return row.calcResidual(state);
-  double C[kMaxShafts];
-  double c0;
-  row.calcRow(state, C, &c0);
-  for (int i = 0; i < S; ++i) c0 += C[i] * eta[i];
-  return c0;
-}
-
 bool findNonFinite(const Scene& scene, StateView state, int* torque, int* constraint) {
   static constexpr double kZeros[kMaxShafts] = {};
   const int S = scene.shaftCount();
@@ -239,26 +170,46 @@ bool findNonFinite(const Scene& scene, StateView state, int* torque, int* constr
   return findTorque(&Torque::addTorqueRate);
 }
 
+bool Drivetrain::calcCorrection(const double* level, const double* shift, ConstraintSolver* solver,
+                                double* delta) {
+  double residual[kMaxRows];
+  for (int r = 0; r < solver->rowCount(); ++r) {
+    residual[r] = *level++;
+    for (int i = 0; i < S; ++i) solver->row(r)[i] = level[i];
+    for (int i = 0; shift != nullptr && i < S; ++i) residual[r] += level[i] * shift[i];
+    level += S;
+  }
+  if (!solver->factor(inertia_)) return false;
+  for (int r = 0; r < solver->rowCount(); ++r) residual[r] = -residual[r];
+  solver->solve(residual, residual);
+  std::fill_n(delta, S, 0.0);
+  solver->addReaction(residual, delta);
+  return true;
+}
+
+bool Drivetrain::calcVelocityProjection(const StateView& state, double* delta) {
+  const double* const level = program_.calcVelocityLevel(state);
+  return calcCorrection(level, nullptr, &velocity_solver_, delta);
+}
+
+bool Drivetrain::calcAccelerationProjection(const StateView& state, double* delta) {
+  const double* const level = program_.calcAccelerationLevel(state);
+  return calcCorrection(level, nullptr, &acceleration_solver_, delta);
+}
+
+bool Drivetrain::calcLinearizedReaction(const StateView& state, const double* free, double* delta) {
+  double shift[kMaxShafts];
+  for (int i = 0; i < S; ++i) shift[i] = free[i] - state.acceleration[i];
+  const double* const level = program_.calcAccelerationLevel(state);
+  return calcCorrection(level, shift, &acceleration_solver_, delta);
+}
+
 int Drivetrain::countOrders(const Scene& scene, int highest) {
   int count = 0;
   for (const ConstraintPtr& constraint : scene.constraints) {
     if (constraint->order() <= highest) ++count;
   }
   return count;
-}
-
-void Drivetrain::note(const Dependence& dependence) {
-  reads_.time = reads_.time || dependence.time;
-  reads_.angle = reads_.angle || dependence.angle;
-}
-
-void Drivetrain::findColumns() {
-  for (const Constraint* constraint : constraints_) {
-    for (int i = 0; i < S; ++i) {
-      const expression::Node entry = constraint->row()[static_cast<std::size_t>(i)];
-      reads_column_[i] = reads_column_[i] || !constraint->graph().isConstant(entry, 0.0);
-    }
-  }
 }
 
 bool Drivetrain::solveFormal(const double* lambda, const double* right, const double* c0,

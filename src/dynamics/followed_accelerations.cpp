@@ -61,76 +61,6 @@ void FollowedAccelerations::noteStepStart(double t, const State& x, const double
   if (!is_linear_) guess(drivetrain_.view(t, x.data(), x.data() + S, epsilon), epsilon);
 }
 
-MotionStatus FollowedAccelerations::jump(StateView state, const double* u0, const double* u1) {
-  double input[kMaxInputs];
-  state.input = input;
-  return follow(state, [&](double part, double* torque) {
-    for (int i = 0; i < drivetrain_.inputCount(); ++i) input[i] = u0[i] + part * (u1[i] - u0[i]);
-    drivetrain_.calcFreeTorque(state, torque);
-  });
-}
-
-MotionStatus FollowedAccelerations::jumpTorque(const StateView& state, const double* torque_jump) {
-  if (is_linear_) return {};  // the solution is unique
-  return follow(state, [&](double part, double* torque) {
-    drivetrain_.calcFreeTorque(state, torque);
-    for (int i = 0; i < S; ++i) torque[i] -= (1.0 - part) * torque_jump[i];
-  });
-}
-
-template <class MoveTo>
-MotionStatus FollowedAccelerations::follow(const StateView& state, MoveTo move_to) {
-  constexpr double kLeastPart = 1e-6;
-  // Solves for the point at `part` of the jump, from the guess, and stores it as the next guess.
-  const auto goTo = [&](double part) {
-    double torque[kMaxShafts];
-    move_to(part, torque);
-    calc(state, torque);
-    for (int i = 0; i < S; ++i) {
-      if (!std::isfinite(epsilon_[i])) return false;
-    }
-    std::copy(epsilon_, epsilon_ + S, guess_);
-    if (!is_linear_) std::copy_n(multipliers_, drivetrain_.constraintCount(), lambda_guess_);
-    return true;
-  };
-  MotionStatus failed;
-  failed.reason = StopReason::kJumpFailed;
-  if (is_linear_) return goTo(1.0) ? MotionStatus{} : failed;
-  goTo(0.0);  // the guess is slightly older
-  double part = 1.0;
-  for (double done = 0.0; done < 1.0;) {
-    const double next = std::min(1.0, done + part);
-    double guess[kMaxShafts];
-    double lambda_guess[kMaxRows];
-    double at_once[kMaxShafts];
-    std::copy_n(guess_, S, guess);
-    std::copy_n(lambda_guess_, kMaxRows, lambda_guess);
-    const auto goBack = [&] {
-      std::copy_n(guess, S, guess_);
-      std::copy_n(lambda_guess, kMaxRows, lambda_guess_);
-    };
-    const bool is_there = goTo(next);
-    std::copy_n(epsilon_, S, at_once);
-    goBack();
-    if (is_there && goTo(0.5 * (done + next)) && goTo(next) && areNear(at_once)) {
-      done = next;
-      part *= 2.0;
-      continue;
-    }
-    goBack();
-    part *= 0.25;
-    if (!(part > kLeastPart)) return failed;
-  }
-  return {};
-}
-
-void FollowedAccelerations::calcRateInCorner(const StateView& state, double* lambda,
-                                             double* reaction_rate) {
-  double eta[kMaxShafts];
-  initial_solver_.solver().calcJerk(state, corner_, multipliers_, eta, reaction_rate);
-  std::copy_n(multipliers_, drivetrain_.constraintCount(), lambda);
-}
-
 void FollowedAccelerations::calcMultipliers(const StateView& state, double* lambda) {
   double torque[kMaxShafts];
   double reaction[kMaxShafts];
@@ -142,12 +72,7 @@ void FollowedAccelerations::calcMultipliers(const StateView& state, double* lamb
 
 void FollowedAccelerations::calc(const StateView& state) {
   double torque[kMaxShafts];
-  if (tangent_) {
-    tangent_->calcTorque(state, torque);
-    drivetrain_.subtractInertialTorque(state, torque);
-  } else {
-    drivetrain_.calcFreeTorque(state, torque);
-  }
+  drivetrain_.calcFreeTorque(state, torque);
   calc(state, torque);
 }
 
@@ -171,7 +96,7 @@ void FollowedAccelerations::calc(const StateView& state, const double* torque) {
     std::copy(guess_, guess_ + S, epsilon_);
     std::fill_n(multipliers_, S, 0.0);
     std::copy_n(lambda_guess_, kMaxRows, multipliers_);
-    if (initial_solver_.solver().continueFrom(state, torque, epsilon_, multipliers_, &corner_)) {
+    if (initial_solver_.solver().solve(state, torque, 0, epsilon_, multipliers_)) {
       return;
     }
   }

@@ -2,10 +2,7 @@
 /// reaction at (t, phi, omega), followed along a motion.
 #pragma once
 
-#include <optional>
-
 #include "dynamics/initial_conditions.h"
-#include "dynamics/torque_tangent.h"
 #include "variator_sim/scene.h"
 #include "variator_sim/status.h"
 
@@ -33,16 +30,6 @@ class FollowedAccelerations {
   /// True when given accelerations agree with those computed last.
   bool areNear(const double* given) const;
   bool isLinear() const { return is_linear_; }
-  /// True where they lie in a corner of psi.
-  bool isInCorner() const { return corner_ != 0; }
-  /// Computes R' in a corner of psi, where C is not unique and the kinks that meet have multipliers
-  /// of their own; `lambda` gets those of the constraints.
-  void calcRateInCorner(const StateView& state, double* lambda, double* reaction_rate);
-
-  /// While a linearization is made at `base`, the tangent there stands for Q.
-  void beginTangent(const StateView& base) { tangent_.emplace(drivetrain_, base); }
-  void endTangent() { tangent_.reset(); }
-
   /// Computes those of least reaction at the start of a motion; given ones select one of several
   /// stationary points. See System::start.
   InitialResult start(const StateView& state, const InitialConditions& initial, double* nearest);
@@ -53,12 +40,6 @@ class FollowedAccelerations {
   /// Iterations start from `epsilon` at the step start.
   void noteStepStart(double t, const State& x, const double* epsilon);
 
-  /// Follow them along a jump of the inputs from u0 to u1 or of the applied torque by `torque_jump`
-  /// (N m, S values) to that at `state`. Where psi is linear they are simply solved for again; else
-  /// the motion takes the branch that ever faster ramps lead to. [loop]
-  MotionStatus jump(StateView state, const double* u0, const double* u1);
-  MotionStatus jumpTorque(const StateView& state, const double* torque_jump);
-
  private:
   /// The same under `torque`, Q - n.
   void calc(const StateView& state, const double* torque);
@@ -66,22 +47,14 @@ class FollowedAccelerations {
   /// Starts the iterations from `epsilon` and its multipliers.
   void guess(const StateView& state, const double* epsilon);
 
-  /// Follows the stationary point along a jump; `move_to(part, torque)` brings `state` to that part
-  /// of it and writes Q - n there. In steps so short that one of them leads where two halves do: a
-  /// longer one may come to another branch, or to none. Fails where the branch ends.
-  template <class MoveTo>
-  MotionStatus follow(const StateView& state, MoveTo move_to);
-
   const int S;  // shafts
   Drivetrain& drivetrain_;
   InitialConditionSolver& initial_solver_;
   const bool is_linear_;
-  std::optional<TorqueTangent> tangent_;
   double epsilon_[kMaxShafts] = {};
   double guess_[kMaxShafts] = {};
   double lambda_guess_[kMaxRows] = {};
   double multipliers_[kMaxShafts] = {};  // at epsilon_, where psi is not linear
-  unsigned corner_ = 0;                  // the kinks on which epsilon_ lies
 };
 
 }  // namespace variator_sim

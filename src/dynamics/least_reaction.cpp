@@ -65,92 +65,6 @@ bool LeastReactionSolver::solve(const StateView& given, const double* torque, un
   return false;
 }
 
-bool LeastReactionSolver::continueFrom(const StateView& given, const double* torque,
-                                       double* epsilon, double* multipliers, unsigned* corner) {
-  *corner = 0;
-  if (drivetrain_.kinks().empty()) return solve(given, torque, 0, epsilon, multipliers);
-  Point best{};
-  double guess_multipliers[kMaxShafts];
-  std::copy_n(epsilon, S, best.epsilon);
-  std::copy_n(multipliers, S, guess_multipliers);
-  KinkValues before;
-  if (!calcKinks(given, epsilon, &before)) return false;
-  const auto solveFrom = [&](unsigned set, const double* start, Point* point) {
-    std::copy_n(start, S, point->epsilon);
-    std::copy_n(guess_multipliers, S, point->multipliers);
-    point->corner = set;
-    return solve(given, torque, set, point->epsilon, point->multipliers);
-  };
-  const auto accept = [&](const Point& point) {
-    std::copy_n(point.epsilon, S, epsilon);
-    std::copy_n(point.multipliers, S, multipliers);
-    *corner = point.corner;
-    return true;
-  };
-  const unsigned on = before.zeros();
-  Point point;
-  if (solveFrom(on, before.epsilon, &point)) {
-    KinkValues after;
-    if (on != 0 && isLeastAtCorner(given, torque, point)) return accept(point);
-    if (on == 0 && calcKinks(given, point.epsilon, &after) && after.sides == before.sides) {
-      return accept(point);
-    }
-  }
-  // A kink was met or left: the nearest of the points that are the least on all of their sides.
-  double least = std::numeric_limits<double>::infinity();
-  const auto consider = [&] {
-    double distance = 0.0;
-    for (int i = 0; i < S; ++i) {
-      distance = std::max(distance, std::abs(point.epsilon[i] - before.epsilon[i]));
-    }
-    if (!(distance < least)) return;
-    least = distance;
-    best = point;
-  };
-  if (solveFrom(0, before.epsilon, &point)) consider();
-  forEachCorner(before, [&](unsigned set) {
-    if (!solveFrom(set, before.epsilon, &point)) return;
-    if (isLeastAtCorner(given, torque, point)) {
-      consider();
-      return;
-    }
-    KinkValues there;
-    if (!calcKinks(given, point.epsilon, &there)) return;
-    forEachPattern(set, [&](unsigned above) {
-      if (solveFrom(0, calcAside(there, set, above).data(), &point)) consider();
-    });
-  });
-  return std::isfinite(least) && accept(best);
-}
-
-bool LeastReactionSolver::calcJerk(const StateView& state, unsigned corner,
-                                   const double* multipliers, double* eta, double* reaction_rate) {
-  select(corner);
-  if (row_count_ > S) return false;
-  Matrix K = makeInertiaBlock();
-  Vector right = Vector::Zero(S + row_count_);
-  double rate[kMaxShafts];
-  drivetrain_.calcFreeTorqueRate(state, rate);
-  std::copy_n(rate, S, right.data());
-  for (int m = 0; m < row_count_; ++m) {
-    double C[kMaxShafts];
-    double D[kMaxShafts];
-    double H[kMaxShafts * kMaxShafts];
-    double c0;
-    rows_[m]->calcRow(state, C, &c0);
-    rows_[m]->calcJacobianRate(state, D, H);
-    addRow(m, C, H, multipliers[m], &K);
-    right(S + m) = -c0;
-    for (int i = 0; i < S; ++i) right(i) += multipliers[m] * D[i];
-  }
-  Vector solution;
-  if (!solveScaled(K, right, 0, &solution)) return false;
-  std::copy_n(solution.data(), S, eta);
-  drivetrain_.inertia().multiply(eta, reaction_rate);
-  for (int i = 0; i < S; ++i) reaction_rate[i] -= rate[i];
-  return true;
-}
-
 bool LeastReactionSolver::retract(const StateView& state, double* epsilon) {
   const Vector given = Eigen::Map<const Vector>(epsilon, S);
   Eigen::Map<Vector> at(epsilon, S);
@@ -248,7 +162,6 @@ bool LeastReactionSolver::calcKinks(const StateView& given, const double* epsilo
     double length = 0.0;
     for (int i = 0; i < S; ++i) length = std::max(length, std::abs(C[i]));
     values->distance[j] = value == 0.0 ? 0.0 : std::abs(value) / length;
-    if (value > 0.0) values->sides |= 1U << static_cast<unsigned>(j);
     int place = j;
     for (; place > 0 && values->distance[values->nearest[place - 1]] > values->distance[j];
          --place) {
@@ -257,64 +170,6 @@ bool LeastReactionSolver::calcKinks(const StateView& given, const double* epsilo
     values->nearest[place] = j;
   }
   return true;
-}
-
-LeastReactionSolver::Vector LeastReactionSolver::calcAside(const KinkValues& values, unsigned set,
-                                                           unsigned above) const {
-  const double length = kAside * std::max(values.scale, 1e-3);
-  Matrix G(S, S);
-  Vector right(S);
-  int rows = 0;
-  for (int j = 0; j < values.count && rows < S; ++j) {
-    if (!contains(set, j)) continue;
-    const Eigen::Map<const Vector> gradient(values.gradient[j], S);
-    G.row(rows) = gradient.transpose() / gradient.cwiseAbs().maxCoeff();
-    right(rows++) = contains(above, j) ? length : -length;
-  }
-  G.conservativeResize(rows, S);
-  return Eigen::Map<const Vector>(values.epsilon, S) +
-         G.transpose() * solveLu(G * G.transpose(), right.head(rows));
-}
-
-bool LeastReactionSolver::isLeastAtCorner(const StateView& given, const double* torque,
-                                          const Point& point) {
-  KinkValues values;
-  if (!calcKinks(given, point.epsilon, &values)) return false;
-  const Eigen::Map<const Vector> epsilon(point.epsilon, S);
-  Vector free(S);
-  drivetrain_.inertia().solve(torque, free.data());
-  const Vector pull = epsilon - free;  // J^-1 R
-  const double size = std::max(free.cwiseAbs().maxCoeff(), pull.cwiseAbs().maxCoeff());
-  const int k = static_cast<int>(drivetrain_.accelerationRows().size());
-  bool is_least = true;
-  forEachPattern(point.corner, [&](unsigned above) {
-    if (!is_least) return;
-    const Vector aside = calcAside(values, point.corner, above);
-    StateView state = given;
-    state.acceleration = aside.data();
-    Matrix normals(S, S);  // columns, of length 1 in the metric J^-1
-    Matrix weighted(S, S);
-    int count = 0;
-    for (; count < k; ++count) {
-      rowOf(count)->calcResidualAndJacobian(state, normals.col(count).data());
-    }
-    for (int j = 0; j < values.count; ++j) {
-      if (!contains(point.corner, j)) continue;
-      normals.col(count++) =
-          (contains(above, j) ? 1.0 : -1.0) * Eigen::Map<const Vector>(values.gradient[j], S);
-    }
-    normals.conservativeResize(S, count);
-    weighted.resize(S, count);
-    for (int r = 0; r < count; ++r) {
-      drivetrain_.inertia().solve(normals.col(r).data(), weighted.col(r).data());
-      const double length = std::sqrt(normals.col(r).dot(weighted.col(r)));
-      normals.col(r) /= length;
-      weighted.col(r) /= length;
-    }
-    const Vector nu = solveLu(normals.transpose() * weighted, normals.transpose() * pull);
-    is_least = (nu.tail(count - k).array() >= -0.1 * kAside * size).all();
-  });
-  return is_least;
 }
 
 void LeastReactionSolver::select(unsigned corner) {
@@ -330,7 +185,6 @@ void LeastReactionSolver::select(unsigned corner) {
 
 bool LeastReactionSolver::calcStep(const StateView& state, const double* torque,
                                    const double* epsilon, const double* multipliers, Vector* step) {
-  drivetrain_.countNewtonIteration();
   //  [ J - sum lambda_m H_m   -C^T ] [d epsilon]     [ J epsilon + n - Q - C^T lambda ]
   //  [ C                       0   ] [d lambda ] = - [ psi                            ]
   Matrix K = makeInertiaBlock();

@@ -30,11 +30,6 @@ class LeastReactionSolver {
   bool solve(const StateView& given, const double* torque, unsigned corner, double* epsilon,
              double* multipliers);
 
-  /// The stationary point that continues the one in `epsilon` (S values, a little earlier): on the
-  /// same piece of psi, in the same corner, or the nearest one beyond. `corner` gets its kinks.
-  bool continueFrom(const StateView& given, const double* torque, double* epsilon,
-                    double* multipliers, unsigned* corner);
-
   /// Calls `found(epsilon)` for every corner that the nearest kinks make, from `epsilon`.
   template <class Found>
   void solveCorners(const StateView& given, const double* torque, const double* epsilon,
@@ -50,13 +45,6 @@ class LeastReactionSolver {
     });
   }
 
-  /// The jerk that follows the stationary point at `state` in its corner, and R': the derivative of
-  /// J epsilon + n - Q = C^T lambda + (d kinks)^T mu beside that of psi = 0, kinks = 0:
-  ///     (J - sum lambda_m H_m) eta - C^T lambda' = free torque rate + sum lambda_m D_m,
-  ///     C eta + c0 = 0,   dC/dt = D + H eta.
-  bool calcJerk(const StateView& state, unsigned corner, const double* multipliers, double* eta,
-                double* reaction_rate);
-
   /// Moves `epsilon`, to which `state` points, onto psi = 0 near by. False when that fails.
   bool retract(const StateView& state, double* epsilon);
 
@@ -70,28 +58,13 @@ class LeastReactionSolver {
   using Matrix = DenseMatrix;
   using Vector = DenseVector;
 
-  struct Point {
-    double epsilon[kMaxShafts];
-    double multipliers[kMaxShafts];
-    unsigned corner;
-  };
   struct KinkValues {
     double epsilon[kMaxShafts] = {};
     int count = 0;
     int nearest[kMostKinks] = {};      ///< kinks, the nearest first
     double distance[kMostKinks] = {};  ///< from epsilon, by kink
     double gradient[kMostKinks][kMaxShafts] = {};
-    unsigned sides = 0;  ///< those with a value above 0
     double scale = 0.0;  ///< of epsilon
-    /// Returns the kinks that epsilon lies on.
-    unsigned zeros() const {
-      unsigned set = 0;
-      for (int n = 0; n < count; ++n) {
-        if (distance[nearest[n]] <= kConsistent * scale)
-          set |= 1U << static_cast<unsigned>(nearest[n]);
-      }
-      return set;
-    }
   };
 
   bool calcKinks(const StateView& given, const double* epsilon, KinkValues* values) const;
@@ -117,26 +90,8 @@ class LeastReactionSolver {
     }
   }
 
-  /// Calls `visit` with every subset of `set`: those of its kinks that a side lies above.
-  template <class Visit>
-  static void forEachPattern(unsigned set, Visit visit) {
-    if (set == 0) return;
-    for (unsigned above = set;; above = (above - 1U) & set) {
-      visit(above);
-      if (above == 0) return;
-    }
-  }
   /// Returns true if kink j is in the set.
   static bool contains(unsigned set, int j) { return (set >> static_cast<unsigned>(j) & 1U) != 0U; }
-  /// epsilon, moved off the kinks in `set` by kAside of its size, above those in `above`.
-  Vector calcAside(const KinkValues& values, unsigned set, unsigned above) const;
-
-  /// True when the reaction does not fall from the stationary point in a corner to any of its
-  /// sides: on each one -R lies in the cone of the normals there,
-  ///     R = C^T lambda + sum nu_j n_j,   nu_j >= 0,
-  /// with the C of that side and n_j the derivative of kink j, which leads into it.
-  bool isLeastAtCorner(const StateView& given, const double* torque, const Point& point);
-
   const Constraint* rowOf(int m) const {
     return &drivetrain_.constraint(drivetrain_.accelerationRows()[static_cast<std::size_t>(m)]);
   }
@@ -160,9 +115,6 @@ class LeastReactionSolver {
 
   /// A row of C with this part of its squared length has vanished.
   static constexpr double kVanished = 1e-12;
-  /// So far aside of a corner, relative to epsilon, is a side of it looked at.
-  static constexpr double kAside = 1e-10;
-
   const int S;  // shafts
   Drivetrain& drivetrain_;
   const Constraint* rows_[kMaxShafts] = {};

@@ -1,6 +1,6 @@
 /// Projection onto the constraints in the metric of the inertia.
 ///
-/// psi' = 0 alone lets psi drift with the integrator's error. Newton's iteration
+/// psi' = 0 alone lets psi drift with the steps' errors. Newton's iteration
 ///     delta epsilon = -J^-1 C^T A^-1 psi
 /// moves epsilon along range(J^-1 C^T) only: the null-space component of the reaction is unchanged,
 /// and for constant C the invariant R(t) - R(0) in range(C^T) holds. A constraint of order 1 is
@@ -11,16 +11,21 @@
 #include <cmath>
 
 #include "dynamics/drivetrain.h"
-#include "dynamics/projection_result.h"
-#include "dynamics/shaft_count.h"
 
 namespace variator_sim {
+
+/// How a projection onto the constraints ended.
+enum class ProjectionResult {
+  kConverged,
+  kSingular,  ///< C lost rank
+  kDiverged   ///< Newton's iteration did not converge, or a residual is not finite
+};
 
 /// Newton's iteration on `values` (`count` values, in place): `correct(delta)` writes one
 /// correction at the present values and returns false if C has lost rank. `moved` gets |delta_i|
 /// summed over the iterations, `iterations` is increased by those done.
-template <class Count, class Correct>
-ProjectionResult iterateProjection(Count count, Correct correct, double* values, double* moved,
+template <class Correct>
+ProjectionResult iterateProjection(int count, Correct correct, double* values, double* moved,
                                    std::uint64_t* iterations) {
   for (int i = 0; i < count; ++i) moved[i] = 0.0;
   constexpr int kMaxIterations = 25;
@@ -62,11 +67,10 @@ inline ProjectionResult projectVelocities(Drivetrain& drivetrain, const StateVie
     for (int i = 0; i < drivetrain.shafts(); ++i) moved[i] = 0.0;
     return ProjectionResult::kConverged;
   }
-  return withShaftCount(drivetrain.shafts(), [&](auto shafts) {
-    return iterateProjection(
-        shafts, [&](double* delta) { return drivetrain.calcVelocityProjection(state, delta); },
-        omega, moved, iterations);
-  });
+  return iterateProjection(
+      drivetrain.shafts(),
+      [&](double* delta) { return drivetrain.calcVelocityProjection(state, delta); }, omega, moved,
+      iterations);
 }
 
 /// Projects the accelerations onto psi = 0 (order 2) and f' = 0 (order 1). `state.acceleration`
@@ -78,11 +82,10 @@ inline ProjectionResult projectAccelerations(Drivetrain& drivetrain, const State
     for (int i = 0; i < drivetrain.shafts(); ++i) moved[i] = 0.0;
     return ProjectionResult::kConverged;
   }
-  return withShaftCount(drivetrain.shafts(), [&](auto shafts) {
-    return iterateProjection(
-        shafts, [&](double* delta) { return drivetrain.calcAccelerationProjection(state, delta); },
-        epsilon, moved, iterations);
-  });
+  return iterateProjection(
+      drivetrain.shafts(),
+      [&](double* delta) { return drivetrain.calcAccelerationProjection(state, delta); }, epsilon,
+      moved, iterations);
 }
 
 }  // namespace variator_sim

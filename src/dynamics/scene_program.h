@@ -39,49 +39,18 @@ class SceneProgram {
   const double* calcAccelerationLevel(const StateView& state) const {
     return acceleration_level_.evaluate(state);
   }
-  /// Q' (s values), then the values of calcAccelerationLevel.
-  const double* calcRateAndLevel(const StateView& state) const {
-    return rate_and_level_.evaluate(state);
-  }
-  /// Q' (s values), then the values of calcRows.
-  const double* calcRateAndRows(const StateView& state) const {
-    return rate_and_rows_.evaluate(state);
-  }
-
-  /// A derivative by x_q, x = (phi, omega, epsilon), for implicit steps.
-  struct Partial {
-    enum class Kind { kRate, kEntry, kResidual };  ///< of Q'_i, of C_mi, of psi_m (f' of order 1)
-    Kind kind;
-    int m;
-    int i;
-    int q;
-  };
-  /// Derivatives that are not zero everywhere, and their values; valid until the next evaluation.
-  const std::vector<Partial>& partials() const { return partials_; }
-  const double* calcPartials(const StateView& state) const {
-    return partials_program_.evaluate(state);
-  }
-  /// False if there are too many derivatives or a constraint of order 3: laws are differentiated
-  /// singly.
-  bool hasPartials() const { return has_partials_; }
 
  private:
-  /// Makes the programs of the constraints, with Q'.
-  void makeRows(const std::vector<expression::Node>& rate);
-  void makePartials(const std::vector<expression::Node>& rate);
+  /// Makes the programs of the constraints.
+  void makeRows();
 
   const Scene& scene_;
   const int S;  // shafts
   expression::Tape torque_;
   expression::Tape rate_;
   expression::Tape rows_;
-  expression::Tape rate_and_rows_;
   expression::Tape velocity_level_;
   expression::Tape acceleration_level_;
-  expression::Tape rate_and_level_;
-  expression::Tape partials_program_;
-  std::vector<Partial> partials_;
-  bool has_partials_ = false;
 };
 
 }  // namespace variator_sim

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "dynamics/shaft_count.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {
@@ -32,7 +31,7 @@ class SmallVector {
   int size() const { return size_; }
   bool isFinite() const {
     double poison = 0.0;  // 0 * finite = 0, 0 * (inf or NaN) = NaN
-    forEachComponent(0, size_, [&](int i) { poison += 0.0 * values_[i]; });
+    for (int i = 0; i < size_; ++i) poison += 0.0 * values_[i];
     return poison == 0.0;
   }
   void resize(std::size_t size) { *this = SmallVector(static_cast<int>(size)); }
@@ -46,19 +45,14 @@ class SmallVector {
   const double* end() const { return values_ + size_; }
   void fill(double value) { std::fill_n(values_, size_, value); }
   /// Copies the values from an array of the same size.
-  void assign(const double* values) {
-    forEachComponent(0, size_, [&](int i) { values_[i] = values[i]; });
-  }
+  void assign(const double* values) { std::copy_n(values, size_, values_); }
   bool operator==(const SmallVector& other) const {
     return std::equal(begin(), end(), other.begin(), other.end());
   }
   bool operator!=(const SmallVector& other) const { return !(*this == other); }
 
  private:
-  void copy(const SmallVector& other) {
-    // A loop of any length would become a call, which costs more than the loop.
-    forEachComponent(0, size_, [&](int i) { values_[i] = other.values_[i]; });
-  }
+  void copy(const SmallVector& other) { std::copy_n(other.values_, size_, values_); }
   int size_;
   double values_[kCapacity];
 };

@@ -184,7 +184,6 @@ void Law::configure(ComponentContext& context) {
 
 void Law::findEvents() {
   guards_ = expression::findGuards(*graph_, formulas_);
-  instants_ = expression::findInstants(*graph_, formulas_);
 }
 
 NamedOutputs::NamedOutputs(const LawContext& law) {

@@ -241,21 +241,6 @@ CommandSignal::Moment CommandSignal::at(double time) const {
   return {start_value_, 0.0, 0.0};
 }
 
-Interval CommandSignal::enclose(double from, double to) const {
-  const double first = value(from);
-  const double last = value(to);
-  Interval range{std::min(first, last), std::max(first, last)};
-  if (form_ != Form::kCritical || linear_ == 0.0) return range;
-  // u' = 0 at x = 1 - a/b
-  const double x = 1.0 - (start_value_ - target_) / linear_;
-  const double turn = start_time_ + x / inverse_time_constant_;
-  if (turn > from && turn < to) {
-    const double u = value(turn);
-    range = {std::min(range.low, u), std::max(range.high, u)};
-  }
-  return range;
-}
-
 ParameterTree CommandSignal::toTree() const {
   ParameterTree::Dictionary tree{{"value", ParameterTree::real(start_value_)}};
   if (form_ != Form::kConstant) {

@@ -162,27 +162,6 @@ double Table::derivative(int order, double x) const {
   return value;
 }
 
-Interval Table::enclose(int order, const Interval& x) const {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  if (!curve_ || order > kTableDegree) return {0.0, 0.0};
-  if (order > 0 || !(x.low <= x.high)) return {-kInfinity, kInfinity};
-  // y is monotone between two points: the extremes lie at points and at the ends.
-  const auto end = [this](double at) {
-    const double y = value(at);  // 0 * infinity beyond the last point
-    return std::isnan(y) ? curve_->cells[curve_->axis.find(at).cell][0] : y;
-  };
-  const double y_low = end(x.low);
-  const double y_high = end(x.high);
-  Interval range{std::min(y_low, y_high), std::max(y_low, y_high)};
-  const std::vector<double>& points = curve_->axis.points();
-  const auto last = std::upper_bound(points.begin(), points.end(), x.high);
-  for (auto k = std::lower_bound(points.begin(), points.end(), x.low); k < last; ++k) {
-    const double y = value(*k);
-    range = {std::min(range.low, y), std::max(range.high, y)};
-  }
-  return range;
-}
-
 std::vector<double> Table::points() const {
   return curve_ ? curve_->axis.points() : std::vector<double>{};
 }

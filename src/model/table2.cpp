@@ -102,29 +102,6 @@ double evaluatePatch(const Patch& patch, double t, double u, int order_t, int or
   return evaluateCell(in_t, t, order_t);
 }
 
-/// Encloses a derivative of a patch in a rectangle: its Taylor series about the middle, which ends,
-/// each term at its largest.
-Interval enclosePatch(const Patch& patch, const Interval& t, const Interval& u, int order_t,
-                      int order_u) {
-  const double middle_t = 0.5 * (t.low + t.high);
-  const double middle_u = 0.5 * (u.low + u.high);
-  const double radius_t = 0.5 * (t.high - t.low);
-  const double radius_u = 0.5 * (u.high - u.low);
-  double spread = 0.0;
-  double power_t = 1.0;  // radius_t^m / m!
-  for (int m = order_t; m <= kTableDegree; ++m) {
-    double power_u = 1.0;
-    for (int n = order_u; n <= kTableDegree; ++n) {
-      const double term = std::abs(evaluatePatch(patch, middle_t, middle_u, m, n));
-      if (m > order_t || n > order_u) spread += term * power_t * power_u;
-      power_u *= radius_u / (n - order_u + 1);
-    }
-    power_t *= radius_t / (m - order_t + 1);
-  }
-  const double value = evaluatePatch(patch, middle_t, middle_u, order_t, order_u);
-  return {value - spread, value + spread};
-}
-
 void checkAxis(const Numbers& x, const char* column, const Table::Points::Fault& fault) {
   checkIncreasing(x, column, fault);
   for (std::size_t k = 1; k < x.size(); ++k) {
@@ -222,42 +199,6 @@ double Table2::derivative(Order order, double x, double y) const {
   for (int k = 0; k < order.x; ++k) value *= in_x.scale;
   for (int k = 0; k < order.y; ++k) value *= in_y.scale;
   return std::isnan(in_x.t) || std::isnan(in_y.t) ? in_x.t + in_y.t : value;
-}
-
-Interval Table2::enclose(Order order, const Interval& x, const Interval& y) const {
-  constexpr std::size_t kMostCells = 16;
-  const Interval everything{-kInfinity, kInfinity};
-  if (order.x > kTableDegree || order.y > kTableDegree) return {0.0, 0.0};
-  if (!(x.low <= x.high) || !(y.low <= y.high)) return everything;
-  const TableAxis::Place x0 = surface_->x.find(x.low);
-  const TableAxis::Place x1 = surface_->x.find(x.high);
-  const TableAxis::Place y0 = surface_->y.find(y.low);
-  const TableAxis::Place y1 = surface_->y.find(y.high);
-  if ((x1.cell - x0.cell + 1) * (y1.cell - y0.cell + 1) > kMostCells) return everything;
-  // Returns the part of a cell that lies in the interval from `from` to `to`.
-  const auto part = [](const TableAxis& axis, std::size_t cell, const TableAxis::Place& from,
-                       const TableAxis::Place& to) {
-    const bool is_inner = cell > 0 && cell + 1 < axis.cellCount();
-    return Interval{cell == from.cell ? from.t : 0.0,
-                    cell == to.cell ? to.t : (is_inner ? 1.0 : 0.0)};
-  };
-  Interval range{kInfinity, -kInfinity};
-  for (std::size_t i = x0.cell; i <= x1.cell; ++i) {
-    for (std::size_t j = y0.cell; j <= y1.cell; ++j) {
-      const Interval t = part(surface_->x, i, x0, x1);
-      const Interval u = part(surface_->y, j, y0, y1);
-      if (!std::isfinite(t.low + t.high + u.low + u.high)) return everything;
-      const auto scale = [](const TableAxis& axis, std::size_t cell) {
-        return cell > 0 && cell + 1 < axis.cellCount() ? axis.scale(cell) : 1.0;
-      };
-      Interval here = enclosePatch(surface_->patch(i, j), t, u, order.x, order.y);
-      double factor = 1.0;
-      for (int k = 0; k < order.x; ++k) factor *= scale(surface_->x, i);
-      for (int k = 0; k < order.y; ++k) factor *= scale(surface_->y, j);
-      range = {std::min(range.low, factor * here.low), std::max(range.high, factor * here.high)};
-    }
-  }
-  return range;
 }
 
 const std::vector<double>& Table2::pointsX() const {

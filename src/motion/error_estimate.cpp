@@ -6,7 +6,7 @@
 #include <limits>
 #include <sstream>
 
-#include "motion/motion.h"
+#include "motion/motion_base.h"
 
 namespace variator_sim {
 namespace {
@@ -155,7 +155,7 @@ void ErrorEstimate::noteEdges(MotionBase& run) {
     return;
   }
   if (counts_differ_ < 0.0 || counted_more_ != before) {
-    counts_differ_ = std::max(run.frontTime(), Motion::of(companion_)->frontTime());
+    counts_differ_ = std::max(run.frontTime(), MotionBase::of(companion_).frontTime());
   }
   if (doubt_.parted < 0.0 && run.time > counts_differ_) doubt_.parted = run.time;
 }

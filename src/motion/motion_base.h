@@ -48,14 +48,14 @@
 
 namespace variator_sim {
 
-/// The motion of one scene. Two kinds of it make the steps: by an integrator of the equations of
-/// shafts and constraints (Motion), and by the scene's own program (ProgramMotion). All are [loop]
-/// but construction, states from elsewhere, descriptions and machine code.
+/// The motion of one scene, the steps of which ProgramMotion makes. All are [loop] but
+/// construction, states from elsewhere, descriptions and machine code.
 struct MotionBase {
   explicit MotionBase(Scene its_scene);
   virtual ~MotionBase() = default;
   MotionBase(const MotionBase&) = delete;
   MotionBase& operator=(const MotionBase&) = delete;
+  static const MotionBase& of(const Simulation& simulation) { return *simulation.motion_; }
 
   const MotionStatus& advanceTo(double end);
   /// Carries out commands; nothing else does. All that wait take effect together at the current

@@ -16,12 +16,6 @@ namespace {
 constexpr double kLongestStep = 1e6;
 constexpr int kImplicit = 1;  // method of a step (algebra.h)
 
-Shortcuts withoutSeries() {
-  Shortcuts shortcuts;
-  shortcuts.has_series = false;
-  return shortcuts;
-}
-
 }  // namespace
 
 StopReason ProgramMotion::reasonOf(scene_status status) {
@@ -54,10 +48,9 @@ ProgramMotion::ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgra
                              bool has_finder, const ProgramMotion* like)
     : MotionBase(std::move(its_scene)),
       program_(std::move(program)),
-      finder_(has_finder
-                  ? std::make_unique<StateFinder>(scene, withoutSeries(),
-                                                  like != nullptr ? like->finder_.get() : nullptr)
-                  : nullptr),
+      finder_(has_finder ? std::make_unique<StateFinder>(
+                               scene, like != nullptr ? like->finder_.get() : nullptr)
+                         : nullptr),
       host_(hostMotion(*program_)),
       past_(*program_),
       progress_(scene.solver.maximum_steps),

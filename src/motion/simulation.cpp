@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "model/interrupted.h"
-#include "motion/motion.h"
 #include "motion/program_motion.h"
 #include "motion/stop_message.h"
 #include "variator_sim/errors.h"
@@ -44,10 +43,7 @@ std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
                                            program);
   }
   auto its_program = programOf(scene);
-  if (its_program->makesSteps()) {
-    return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), true, program);
-  }
-  return std::make_unique<Motion>(std::move(scene), Shortcuts{}, dynamic_cast<const Motion*>(like));
+  return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), true, program);
 }
 
 /// Tells whether missing code is compiled, and whether a busy compiler is waited for.

@@ -6,8 +6,8 @@
 
 namespace variator_sim {
 
-StateFinder::StateFinder(const Scene& scene, const Shortcuts& shortcuts, const StateFinder* like)
-    : system_(scene, shortcuts, like != nullptr ? &like->system_ : nullptr), start_(system_) {}
+StateFinder::StateFinder(const Scene& scene, const StateFinder* like)
+    : system_(scene, like != nullptr ? &like->system_ : nullptr), start_(system_) {}
 
 void StateFinder::enterInputs(const CommandSignal* signals, double origin) {
   Drivetrain& drivetrain = system_.drivetrain();
@@ -97,7 +97,7 @@ std::string StateFinder::describeInconsistency(const MotionState& given) {
 
 void StateFinder::explainStop(const double* state, const double* longest, MotionStatus* status) {
   const int S = system_.shafts();
-  StepNode front(system_);
+  StepNode front(system_.size());
   std::copy_n(state, front.x.size(), front.x.begin());
   // Iterations start from these where the accelerations follow from the state.
   State slope(front.x.size());

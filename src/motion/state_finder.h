@@ -12,7 +12,7 @@ namespace variator_sim {
 class StateFinder {
  public:
   /// `scene` has to outlive this. `like`: of a scene that may have the same elements, or nullptr.
-  StateFinder(const Scene& scene, const Shortcuts& shortcuts, const StateFinder* like);
+  StateFinder(const Scene& scene, const StateFinder* like);
 
   /// The inputs are from now on `signals`, whose times count from `origin`, s. [loop]
   void enterInputs(const CommandSignal* signals, double origin);

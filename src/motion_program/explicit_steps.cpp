@@ -15,7 +15,7 @@ namespace variator_sim {
 namespace {
 
 namespace odeint = boost::numeric::odeint;
-using State = std::vector<double>;
+using StateValues = std::vector<double>;
 
 /// A scheme of Boost.Odeint, which neither shows its stages nor refuses an error that is NaN.
 template <class Scheme>
@@ -43,7 +43,8 @@ class OdeintScheme : public ExplicitScheme {
 
   /// Returns the derivative, which keeps the slopes of the stages.
   auto derivativeOf(const ExplicitStep& step) {
-    return [this, &step, i = std::size_t{1}](const State& x, State& dxdt, double t) mutable {
+    return [this, &step, i = std::size_t{1}](const StateValues& x, StateValues& dxdt,
+                                             double t) mutable {
       step.motion->calc(t, x.data(), dxdt.data());
       if (i < slopes_.size()) slopes_[i++] = dxdt;
     };
@@ -55,8 +56,9 @@ class OdeintScheme : public ExplicitScheme {
   }
   static std::size_t sizeOf(const MotionProgram& program) {
     const bool has_multipliers = program.IS_CLASSICAL == 0 && program.TRANSMITS != 0;
-    return static_cast<std::size_t>(program.COMPONENTS + (has_multipliers ? program.K : 0) +
-                                    program.STATES);
+    const int multipliers = has_multipliers ? program.K : 0;
+    const int size = program.COMPONENTS + multipliers + program.STATES;
+    return static_cast<std::size_t>(size);
   }
   static std::size_t count(const ExplicitStep& step) { return static_cast<std::size_t>(step.size); }
   static std::size_t first(const ExplicitStep& step) {
@@ -74,7 +76,7 @@ class OdeintScheme : public ExplicitScheme {
   /// Finds the states at inner nodes by steps of their own, where the scheme has no dense output.
   void stepToNodes(const ExplicitStep& step) {
     for (int j = 0; j + 1 < step.nodes; ++j) {
-      auto derivative = [&step](const State& x, State& dxdt, double t) {
+      auto derivative = [&step](const StateValues& x, StateValues& dxdt, double t) {
         step.motion->calc(t, x.data(), dxdt.data());
       };
       scheme_.do_step(std::ref(derivative), x_, dxdt_, 0.0, end_, step.node[j] * step.h);
@@ -84,11 +86,11 @@ class OdeintScheme : public ExplicitScheme {
 
   const double absolute_;
   const double relative_;
-  State x_;
-  State dxdt_;
-  State end_;
-  State error_;
-  std::vector<State> slopes_;  ///< k_i
+  StateValues x_;
+  StateValues dxdt_;
+  StateValues end_;
+  StateValues error_;
+  std::vector<StateValues> slopes_;  ///< k_i
   Scheme scheme_;
 };
 
@@ -96,7 +98,7 @@ class OdeintScheme : public ExplicitScheme {
 ///
 /// With x' at the end as a fifth stage k5, h (k1 + 2 k2 + 2 k3 + k5) / 6 is of order 3, so
 /// h (k4 - k5) / 6 estimates the error.
-class Rk4 final : public OdeintScheme<odeint::runge_kutta4<State>> {
+class Rk4 final : public OdeintScheme<odeint::runge_kutta4<StateValues>> {
  public:
   explicit Rk4(const MotionProgram& program) : OdeintScheme(program, 4, 4) {}
 
@@ -119,7 +121,7 @@ class Rk4 final : public OdeintScheme<odeint::runge_kutta4<State>> {
 
 /// Dormand and Prince 5(4) with dense output of order 4 (J. Comput. Appl. Math. 6, 1980; Hairer,
 /// Norsett, Wanner: Solving ODE I, II.5, II.6).
-class Dopri5 final : public OdeintScheme<odeint::runge_kutta_dopri5<State>> {
+class Dopri5 final : public OdeintScheme<odeint::runge_kutta_dopri5<StateValues>> {
  public:
   explicit Dopri5(const MotionProgram& program)
       : OdeintScheme(program, 5, 6), slope_at_end_(x_), inside_(x_) {}
@@ -136,7 +138,7 @@ class Dopri5 final : public OdeintScheme<odeint::runge_kutta_dopri5<State>> {
     }
     for (int j = 0; j < step.nodes; ++j) {
       if (j + 1 < step.nodes) show(step.node[j] * step.h, step.h);
-      const State& shown = j + 1 < step.nodes ? inside_ : end_;
+      const StateValues& shown = j + 1 < step.nodes ? inside_ : end_;
       std::copy(shown.begin(), shown.end(), at(step, j));
     }
     norm += poisonOf(step);
@@ -167,8 +169,8 @@ class Dopri5 final : public OdeintScheme<odeint::runge_kutta_dopri5<State>> {
 
   /// The error norm given to a step that is too long to have one.
   static constexpr double kUnresolved = 4.0;
-  State slope_at_end_;
-  State inside_;
+  StateValues slope_at_end_;
+  StateValues inside_;
 };
 
 /// Fehlberg 7(8), continued with the result of order 8 (NASA TR R-287, 1968).
@@ -183,7 +185,7 @@ class Dopri5 final : public OdeintScheme<odeint::runge_kutta_dopri5<State>> {
 /// the larger one of that and of the sixth difference of the seven equidistant stages, up to the
 /// one at the end,
 ///     e6 = h/20 (k1 - 6 k8 + 15 k10 - 20 k6 + 15 k9 - 6 k7 + k11).
-class Fehlberg78 final : public OdeintScheme<odeint::runge_kutta_fehlberg78<State>> {
+class Fehlberg78 final : public OdeintScheme<odeint::runge_kutta_fehlberg78<StateValues>> {
  public:
   explicit Fehlberg78(const MotionProgram& program) : OdeintScheme(program, 8, 13), rough_(x_) {}
   const double* errorAtEnd() const override { return error_.data(); }
@@ -227,7 +229,7 @@ class Fehlberg78 final : public OdeintScheme<odeint::runge_kutta_fehlberg78<Stat
     return std::max(size8, kGuard * size5 * reduction) + poison;
   }
 
-  State rough_;                          ///< the larger one of e5 and e6
+  StateValues rough_;                    ///< the larger one of e5 and e6
   static constexpr double kGuard = 0.1;  // sees quadratures; costs 8 % more steps where not needed
 };
 

@@ -45,12 +45,9 @@ class MotionProgram : public MotionData {
     return stepper == StepperKind::kDopri5 || stepper == StepperKind::kFehlberg78 ||
            stepper == StepperKind::kRk4;
   }
-  /// False where corners of psi in the accelerations lead the motion.
-  bool makesSteps() const { return !formulas_.no_steps; }
-  /// Throws SceneError there, and where the formulas cannot be written as text or carry
+  /// Throws SceneError where the formulas cannot be written as text or carry
   /// derivatives.
   void requireText() const {
-    if (formulas_.no_steps) throw SceneError(*formulas_.no_steps);
     if (formulas_.no_text) throw SceneError(*formulas_.no_text);
   }
   const MotionRows& rows() const { return rows_; }

@@ -76,16 +76,9 @@ using namespace expression::fused;    // NOLINT
 }  // namespace interpreted_fused
 VARIATOR_SIM_END_FUSED
 
-template <class Hosted>
-static std::unique_ptr<Hosted> interpret(const MotionProgram& program) {
+std::unique_ptr<HostedMotion> hostMotion(const MotionProgram& program) {
   if (expression::fusesProducts()) return std::make_unique<interpreted_fused::Interpreter>(program);
   return std::make_unique<interpreted::Interpreter>(program);
-}
-std::unique_ptr<HostedMotion> hostMotion(const MotionProgram& program) {
-  return interpret<HostedMotion>(program);
-}
-std::unique_ptr<HostedSeries> hostSeries(const MotionProgram& program) {
-  return interpret<HostedSeries>(program);
 }
 
 namespace {

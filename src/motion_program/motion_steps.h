@@ -31,30 +31,8 @@ class HostedMotion {
   virtual void look(double at, double* entry) = 0;
 };
 
-/// The path of a step that another scheme has made, as parabolas of s = (t - t_0) / length.
-struct vs_path {  // NOLINT(readability-identifier-naming): as the exchanged data are
-  double length;  ///< s
-  double velocity[3 * kMaxShafts];      ///< coefficients 0 to 2 of shaft i from 3 i on
-  double acceleration[3 * kMaxShafts];  ///< likewise
-  const double* const* at;              ///< the values of all rows at s = 0, 1/2, 1
-};
-
-/// The formulas of a motion along steps that another program makes. All are [loop].
-class HostedSeries {
- public:
-  virtual ~HostedSeries() = default;
-  /// Expands the motion at a state as far as steps of `limit` s need it; shows its series. False
-  /// where there are none.
-  virtual bool expand(const vs_exchange& from, double limit, vs_shown* to) = 0;
-  /// Writes the values of all rows at a state.
-  virtual void evaluate(const vs_exchange& at, double* rows) = 0;
-  /// True where the formulas do nothing along the path that their series do not show.
-  virtual bool isResolvedAlong(const vs_exchange& from, const vs_path& path) = 0;
-};
-
 /// `program` has to outlive what is returned.
 std::unique_ptr<HostedMotion> hostMotion(const MotionProgram& program);
-std::unique_ptr<HostedSeries> hostSeries(const MotionProgram& program);
 /// The library is that of MotionProgram::writeKernel; `program` has to outlive what is returned;
 /// null if it lacks a function.
 std::unique_ptr<HostedMotion> hostMotion(std::shared_ptr<KernelLibrary> library,

@@ -63,12 +63,11 @@ void addConstraint(const Scene& scene, const ConstraintPtr& constraint, SceneFor
   const int s = scene.shaftCount();
   const Node zero = graph.constant(0.0);
   noteOpaque(constraint->name(), constraint->callsOpaqueFunction(), made);
-  if (!constraint->kinks().empty() && !made.no_steps) {
-    made.no_steps =
-        SceneError(constraint->name(),
-                   "abs, min or max of accelerations bends it, and where its corners lead is not "
-                   "known to a program of its own; allowed: a formula that is smooth in the "
-                   "accelerations, sqrt(x^2+1e-6) for abs(x)");
+  if (!constraint->kinks().empty() && scene.principle == Principle::kGauss) {
+    throw SceneError(constraint->name(),
+                     "abs, min or max of accelerations bends it, and where the least reaction "
+                     "leads in a corner is not known; allowed under 'principle: gauss': a formula "
+                     "that is smooth in the accelerations, sqrt(x^2+1e-12) for abs(x)");
   }
   const Node function = constraint->function();
   made.residual.push_back(residualOf(*constraint));

@@ -46,8 +46,6 @@ struct SceneFormulas {
   std::vector<expression::Node> delayed;
   bool inertia_varies = false;
   bool has_directions = false;  ///< R has a part D' lambda, which its rate alone does not tell
-  /// The element that keeps the texts of src/runtime from stepping the motion, and the reason.
-  std::optional<SceneError> no_steps;
   /// The element that keeps the formulas from being written, and the reason: an opaque function. Of
   /// their coefficients the first two are true.
   std::optional<SceneError> no_text;

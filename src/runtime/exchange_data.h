@@ -56,15 +56,6 @@ typedef struct {
   double culprit_torque, culprit_slip; /* that it would hold, N m; rad/s */
 } vs_exchange;
 
-/* The series of a step. */
-typedef struct {
-  const SCENE_REAL** rows; /* coefficients of angles, velocities, accelerations, torques; 4 S */
-  int last;                /* the order of the accelerations' */
-  double unit;             /* s */
-  double length;           /* s: that a step may have */
-  double stiffness;        /* of a step so long (vs_stiffness) */
-} vs_shown;
-
 /* An element that holds, at an instant (scene_sample). */
 typedef struct {
   int mode, counts;

@@ -27,10 +27,8 @@ std::vector<Passage> findPassages(const Graph& graph, const std::vector<Node>& n
 
 /// Returns the switching functions of `nodes`, each once: for abs(x) and sign(x) the sign of x, for
 /// min(a, b), max(a, b) and selections by a <= b that of a - b, for a table the piece that contains
-/// its argument. Formulas may jump at those of sign, selections and tables that hold their values.
+/// its argument, but of smooth tables over the time. Formulas may jump at those of sign, selections
+/// and tables that hold their values.
 std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes);
-/// Returns the points, s, of smooth tables in `nodes` whose argument is the time; these have no
-/// guard.
-std::vector<double> findInstants(const Graph& graph, const std::vector<Node>& nodes);
 
 }  // namespace variator_sim::expression
