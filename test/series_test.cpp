@@ -11,20 +11,21 @@
 namespace variator_sim {
 namespace {
 
-/// `text` with t + 0.3 for the time: no power of it is without a series at the start.
-std::string later(const std::string& text) {
+/// `text` with `by` for each `letter` that is a name of its own.
+std::string withFor(const std::string& text, char letter, const std::string& by) {
   std::string made;
   for (std::size_t i = 0; i < text.size(); ++i) {
     const bool is_alone =
         (i == 0 || !std::isalnum(static_cast<unsigned char>(text[i - 1]))) &&
         (i + 1 == text.size() || !std::isalnum(static_cast<unsigned char>(text[i + 1])));
-    made += text[i] == 't' && is_alone ? "(t+0.3)" : std::string(1, text[i]);
+    made += text[i] == letter && is_alone ? by : std::string(1, text[i]);
   }
   return made;
 }
 
 /// A motion of three shafts, the first two of which a constraint of accelerations couples, from a
-/// state whose angle and velocity of shaft a are given.
+/// state whose angle and velocity of shaft a are given. The time of the formula begins at 0.3 s: no
+/// power of it is without a series there.
 class Expansion {
  public:
   Expansion(const std::string& formula, double angle, double velocity)
@@ -37,7 +38,7 @@ tables: [level]
 level: {x: [0, 0.4, 1, 1.7], values: [1, 2.5, 3, -1]}
 torques: [asked, motor, load]
 asked: {type: variator_sim/ExpressionTorque, shaft: c, torque: ")yaml" +
-                                        later(formula) + R"yaml("}
+                                        withFor(formula, 't', "(t+0.3)") + R"yaml("}
 motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "0.4 - 0.3*w_a + 0.2*sin(3*t)"}
 load: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-0.5*w_b - 0.1*phi_b"}
 constraints: [variator]
@@ -73,17 +74,8 @@ void expectSeries(const std::string& text, double angle = 0.7, double velocity =
 }
 
 /// x and y of a formula are an angle and a velocity of another shaft.
-std::string withNames(std::string text) {
-  std::string made;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const bool is_alone =
-        (i == 0 || !std::isalnum(static_cast<unsigned char>(text[i - 1]))) &&
-        (i + 1 == text.size() || !std::isalnum(static_cast<unsigned char>(text[i + 1])));
-    made += text[i] == 'x' && is_alone   ? "phi_a"
-            : text[i] == 'y' && is_alone ? "(1.7+w_b)"
-                                         : std::string(1, text[i]);
-  }
-  return made;
+std::string withNames(const std::string& text) {
+  return withFor(withFor(text, 'x', "phi_a"), 'y', "(1.7+w_b)");
 }
 
 TEST(Series, OfOperatorsAndPowers) {

@@ -51,21 +51,18 @@ class Inertia {
       y[i] = sum;
     }
   }
-  /// y = J^-1 v. `shafts` is the number of shafts, as an int or as a constant of its own type, with
-  /// which the compiler unrolls.
-  template <class Count>
-  void solve(Count shafts, const double* v, double* y) const {
+  /// y = J^-1 v.
+  void solve(const double* v, double* y) const {
     if (isDiagonal()) {
-      for (int i = 0; i < shafts; ++i) y[i] = inverse_diagonal_[i] * v[i];
+      for (int i = 0; i < S; ++i) y[i] = inverse_diagonal_[i] * v[i];
       return;
     }
-    for (int i = 0; i < shafts; ++i) {
+    for (int i = 0; i < S; ++i) {
       double sum = 0.0;
-      for (int j = 0; j < shafts; ++j) sum += inverse_[i][j] * v[j];
+      for (int j = 0; j < S; ++j) sum += inverse_[i][j] * v[j];
       y[i] = sum;
     }
   }
-  void solve(const double* v, double* y) const { solve(S, v, y); }
   /// Returns 1 / J_i of a diagonal J.
   double inverse(int i) const { return inverse_diagonal_[i]; }
   double entry(int i, int j) const { return matrix_[i][j]; }

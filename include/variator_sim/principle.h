@@ -18,8 +18,7 @@ namespace variator_sim {
 constexpr int kMaxRows = kMaxConstraints;
 
 /// The linear algebra of k constraints over s shafts: rows of C, B = C J^-1 and A = C B^T as L D
-/// L^T. All arrays have fixed size. The functions that most runs spend their time in take the
-/// number of shafts, as an int or as a constant of its own type, with which the compiler unrolls.
+/// L^T. All arrays have fixed size.
 class ConstraintSolver {
  public:
   /// Pivots of A below this fraction of their diagonal entry count as zero: two rows of C then
@@ -35,8 +34,6 @@ class ConstraintSolver {
   const double* row(int m) const { return C_[m]; }
   /// Returns A_mm, i.e. the squared length of row m of C in the metric J^-1. Valid after `factor`.
   double rowLengthSquared(int m) const { return A_diagonal_[m]; }
-  /// Sets A_mm if A was formed elsewhere.
-  void noteLengthSquared(int m, double length_squared) { A_diagonal_[m] = length_squared; }
   /// Return, after `factor` returned false, the row at which rank is lost, and its pivot over its
   /// diagonal entry.
   int singularRow() const { return singular_row_; }
@@ -56,24 +53,19 @@ class ConstraintSolver {
     return smallest;
   }
 
-  /// True when the last `factor` succeeded.
-  bool isFactored() const { return is_factored_; }
   /// Forms and factors A. Returns false when C has not full rank (or is not finite).
-  bool factor(const Inertia& J) { return factor(S, J); }
-  template <class Count>
-  bool factor(Count shafts, const Inertia& J) {
-    is_factored_ = false;
+  bool factor(const Inertia& J) {
     is_ill_ = false;
-    for (int m = 0; m < rowCount(); ++m) J.solve(shafts, C_[m], B_[m]);
+    for (int m = 0; m < rowCount(); ++m) J.solve(C_[m], B_[m]);
     for (int m = 0; m < rowCount(); ++m) {
       // Sums begin with their first term: adding it to 0.0 would be an operation of its own.
       double diagonal = C_[m][0] * B_[m][0];
-      for (int i = 1; i < shafts; ++i) diagonal += C_[m][i] * B_[m][i];
+      for (int i = 1; i < S; ++i) diagonal += C_[m][i] * B_[m][i];
       A_diagonal_[m] = diagonal;
       double pivot = diagonal;
       for (int n = 0; n < m; ++n) {
         double entry = C_[m][0] * B_[n][0];
-        for (int i = 1; i < shafts; ++i) entry += C_[m][i] * B_[n][i];
+        for (int i = 1; i < S; ++i) entry += C_[m][i] * B_[n][i];
         for (int p = 0; p < n; ++p) entry -= L_[m][p] * D_[p] * L_[n][p];
         L_[m][n] = entry * D_inverse_[n];
         pivot -= L_[m][n] * entry;
@@ -87,7 +79,6 @@ class ConstraintSolver {
       }
       is_ill_ = is_ill_ || pivot < kIll * diagonal;
     }
-    is_factored_ = true;
     return true;
   }
 
@@ -105,35 +96,27 @@ class ConstraintSolver {
   }
 
   /// Computes C v, k values.
-  void multiply(const double* v, double* Cv) const { multiply(S, v, Cv); }
-  template <class Count>
-  void multiply(Count shafts, const double* v, double* Cv) const {
+  void multiply(const double* v, double* Cv) const {
     for (int m = 0; m < rowCount(); ++m) {
       double sum = C_[m][0] * v[0];
-      for (int i = 1; i < shafts; ++i) sum += C_[m][i] * v[i];
+      for (int i = 1; i < S; ++i) sum += C_[m][i] * v[i];
       Cv[m] = sum;
     }
   }
   /// y += J^-1 C^T Lambda, S values.
-  void addReaction(const double* Lambda, double* y) const { addReaction(S, Lambda, y); }
-  template <class Count>
-  void addReaction(Count shafts, const double* Lambda, double* y) const {
+  void addReaction(const double* Lambda, double* y) const {
     for (int m = 0; m < rowCount(); ++m) {
-      for (int i = 0; i < shafts; ++i) y[i] += B_[m][i] * Lambda[m];
+      for (int i = 0; i < S; ++i) y[i] += B_[m][i] * Lambda[m];
     }
   }
 
   /// Turns eta_free in `eta` (S values) into the constrained jerk for c0 (k values) and writes
   /// Lambda (k values) unless it is null. Needs `factor`.
   void constrain(const double* c0, double* eta, double* Lambda) const {
-    constrain(S, c0, eta, Lambda);
-  }
-  template <class Count>
-  void constrain(Count shafts, const double* c0, double* eta, double* Lambda) const {
-    multiply(shafts, eta, Lambda);
+    multiply(eta, Lambda);
     for (int m = 0; m < rowCount(); ++m) Lambda[m] = -(c0[m] + Lambda[m]);
     solve(Lambda, Lambda);
-    addReaction(shafts, Lambda, eta);
+    addReaction(Lambda, eta);
     if (is_ill_) refine(c0, eta, Lambda);
   }
   /// True when rows are so nearly dependent that A^-1 has lost digits that C has: one solution is
@@ -160,7 +143,6 @@ class ConstraintSolver {
   const int S;  // shafts
   const int k_;
   bool is_ill_ = false;
-  bool is_factored_ = false;
   int singular_row_ = -1;
   double singular_measure_ = 0.0;
   double C_[kMaxRows][kMaxShafts] = {};

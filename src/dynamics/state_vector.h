@@ -12,11 +12,6 @@ namespace variator_sim {
 template <int kCapacity>
 class SmallVector {
  public:
-  // Names of the standard library's containers.
-  using value_type = double;
-  using iterator = double*;
-  using const_iterator = const double*;
-
   /// `size` zeros, at most kCapacity.
   explicit SmallVector(int size) : size_(size) { fill(0.0); }
   SmallVector(const SmallVector& other) : size_(other.size_) { copy(other); }
@@ -34,7 +29,6 @@ class SmallVector {
     for (int i = 0; i < size_; ++i) poison += 0.0 * values_[i];
     return poison == 0.0;
   }
-  void resize(std::size_t size) { *this = SmallVector(static_cast<int>(size)); }
   double& operator[](int i) { return values_[i]; }
   double operator[](int i) const { return values_[i]; }
   double* data() { return values_; }
@@ -44,12 +38,6 @@ class SmallVector {
   double* end() { return values_ + size_; }
   const double* end() const { return values_ + size_; }
   void fill(double value) { std::fill_n(values_, size_, value); }
-  /// Copies the values from an array of the same size.
-  void assign(const double* values) { std::copy_n(values, size_, values_); }
-  bool operator==(const SmallVector& other) const {
-    return std::equal(begin(), end(), other.begin(), other.end());
-  }
-  bool operator!=(const SmallVector& other) const { return !(*this == other); }
 
  private:
   void copy(const SmallVector& other) { std::copy_n(other.values_, size_, values_); }
@@ -59,7 +47,5 @@ class SmallVector {
 
 /// x of a system: (phi, omega, epsilon), or (phi, omega).
 using State = SmallVector<3 * kMaxShafts>;
-/// One value per shaft.
-using ShaftVector = SmallVector<kMaxShafts>;
 
 }  // namespace variator_sim

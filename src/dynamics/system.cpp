@@ -50,10 +50,10 @@ void System::calcJerk(const StateView& state, double* eta) {
   const bool is_regular = drivetrain_.calcRows(state, c0);
   drivetrain_.calcTorqueRate(state, rate);
   drivetrain_.makeCovariant(state, rate);  // -g
-  drivetrain_.inertia().solve(S, rate, eta);
+  drivetrain_.inertia().solve(rate, eta);
   if (drivetrain_.constraintCount() == 0) return;
   if (is_regular) {
-    drivetrain_.solver().constrain(S, c0, eta, Lambda);
+    drivetrain_.solver().constrain(c0, eta, Lambda);
   } else {
     std::fill_n(eta, S, kNaN);
   }

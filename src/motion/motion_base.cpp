@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "motion/time_origin.h"
+#include "motion/time_resolution.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/operating_point.h"
 

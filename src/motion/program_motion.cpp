@@ -14,7 +14,6 @@ namespace {
 
 /// s: the longest step, whose powers do not overflow.
 constexpr double kLongestStep = 1e6;
-constexpr int kImplicit = 1;  // method of a step (algebra.h)
 
 }  // namespace
 
@@ -82,7 +81,7 @@ void ProgramMotion::reset() {
   it_.choice = {};
   status_ = MotionStatus{};
   statistics_ = Statistics{};
-  signal_origin_.moveTo(0.0);
+  signal_origin_ = 0.0;
   for (int i = 0; i < scene.inputCount(); ++i) {
     signal_[i].reset(scene.inputs[static_cast<std::size_t>(i)]);
   }
@@ -199,7 +198,7 @@ bool ProgramMotion::step(double /*end*/) {
   ++statistics_.steps;
   ++statistics_.right_hand_sides;
   if (program_->CHOOSES_METHOD != 0 && it_.choice.method != method) ++statistics_.stepper_switches;
-  if (it_.method == kImplicit) ++statistics_.implicit_steps;
+  if (it_.is_implicit != 0) ++statistics_.implicit_steps;
   (program_->IS_CLASSICAL != 0 ? statistics_.newton_iterations : statistics_.projections) +=
       static_cast<std::uint64_t>(it_.corrections);
   if (it_.passed >= 0 || it_.is_event != 0) ++statistics_.kinks;
@@ -228,7 +227,7 @@ void ProgramMotion::stop(scene_status status) {
   status_.time = status == SCENE_NO_MODES ? std::max(it_.stopped, frontTime()) : frontTime();
   double input[kMaxInputs];
   for (int i = 0; i < scene.inputCount(); ++i) {
-    input[i] = signal_[i].value(signal_origin_.relative(frontTime()));
+    input[i] = signal_[i].value(frontTime() - signal_origin_);
   }
   StateView front{};
   front.time = frontTime();
@@ -250,7 +249,7 @@ void ProgramMotion::stop(scene_status status) {
 
 void ProgramMotion::explainStop() {
   CommandSignal now[kMaxInputs];
-  const double at = signal_origin_.relative(it_.time) + it_.time_rest;
+  const double at = (it_.time - signal_origin_) + it_.time_rest;
   for (int i = 0; i < scene.inputCount(); ++i) {
     now[i] = signal_[i];
     if (now[i].segmentEnd() <= at) now[i].finishSegment();
@@ -293,7 +292,7 @@ void ProgramMotion::changeInputs() {
   if (!cut()) return;
   forgetSample();
   const double now = signalTime();
-  signal_origin_.moveTo(time);
+  signal_origin_ = time;
   bool jumps = false;
   for (int i = 0; i < scene.inputCount(); ++i) {
     CommandSignal& signal = signal_[i];

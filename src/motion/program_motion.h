@@ -12,7 +12,7 @@
 #include "motion/motion_past.h"
 #include "motion/progress.h"
 #include "motion/state_finder.h"
-#include "motion/time_origin.h"
+#include "motion/time_resolution.h"
 #include "motion_program/motion_steps.h"
 
 namespace variator_sim {
@@ -60,7 +60,7 @@ class ProgramMotion final : public MotionBase {
   /// Changes of modes that wait to be taken; older ones are forgotten.
   static constexpr std::size_t kMostEvents = 1024;
 
-  double signalTime() const override { return signal_origin_.relative(time); }
+  double signalTime() const override { return time - signal_origin_; }
   bool isStart() const override { return is_start_; }
   void leaveStart() override { is_start_ = false; }
   bool isMadeUpTo(double end) const override { return sinceFront(end) <= 0.0; }
@@ -146,7 +146,7 @@ class ProgramMotion final : public MotionBase {
   Statistics statistics_;
   Progress progress_;
   CommandRhythm rhythm_;
-  TimeOrigin signal_origin_;  ///< that the signals' times count from
+  double signal_origin_ = 0.0;  ///< s, that the signals' times count from
   CommandSignal signal_[kMaxInputs];
   double input_value_[kMaxInputs + kMaxHolds] = {};  ///< and sides of elements that hold
   double input_rate_[kMaxInputs + kMaxHolds] = {};

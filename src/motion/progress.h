@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "motion/time_origin.h"
-
 namespace variator_sim {
 
 /// Counts the steps that are made within one second of simulated time. They are not counted by
@@ -14,14 +12,10 @@ class Progress {
   /// At most `most` within a second.
   explicit Progress(int most) : most_(most) {}
 
-  /// Returns the shortest length of a step that counts as progress at `time`, s: a scene states
-  /// nothing so short, and formulas have no unresolved features in a shorter step. [loop]
-  static double leastAt(double time) { return std::max(kLeast, kTold * resolutionOf(time)); }
-
   /// A motion begins at `time`.
   void begin(double time) {
     window_start_ = time;
-    made_ = short_ones_ = 0;
+    made_ = 0;
     refused_ = 0;
   }
   /// One more goes on from `time`. False when there have been too many. [loop]
@@ -37,15 +31,6 @@ class Progress {
   /// How many there would be in a second as they were up to `time`.
   double rateAt(double time) const { return most_ / (time - window_start_); }
 
-  /// An accepted step of length `taken` has come to `time`: true when that and many before it were
-  /// too short to get anywhere. [loop]
-  bool isStuck(double time, double taken) {
-    short_ones_ = taken > 0.0 && taken < leastAt(time) ? short_ones_ + 1 : 0;
-    if (short_ones_ < kMostShort) return false;
-    short_ones_ = 0;
-    return true;
-  }
-
   /// A step was accepted after `refusals` shorter and shorter ones. [loop]
   void noteRefusals(long refusals) {
     refused_ = std::max(0L, refused_ + refusals - kUsualRefusals);
@@ -59,17 +44,12 @@ class Progress {
   }
 
  private:
-  static constexpr double kLeast = 1e-15;  // s
-  /// The shortest length that counts as progress, in resolutions of time.
-  static constexpr double kTold = 1e4;
-  static constexpr int kMostShort = 50;
   /// Refusals of a step, of which an event or the end of a series takes some tens, but not always.
   static constexpr long kUsualRefusals = 10;
   static constexpr long kMostRefusals = 100000;
   const int most_;
   double window_start_ = 0.0;
   int made_ = 0;
-  int short_ones_ = 0;
   long refused_ = 0;
 };
 

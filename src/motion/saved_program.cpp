@@ -40,7 +40,7 @@ scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
   commands.reset();
   rhythm_.reset();
   progress_.begin(time);
-  signal_origin_.moveTo(time);
+  signal_origin_ = time;
   for (int i = 0; i < scene.inputCount(); ++i) {
     signal_[i] = state.signal[i];
     commands.setLastTime(i, state.last_command[i]);

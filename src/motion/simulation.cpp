@@ -19,31 +19,28 @@ namespace {
 
 /// Tells whether the equations of shafts and constraints are not all of a motion's: its program
 /// finds the start itself.
-bool needsProgram(const Scene& scene) {
+bool startsByProgram(const Scene& scene) {
   return !scene.holdNames().empty() || !scene.nameOfDirection().empty() || scene.hasMemory() ||
          !scene.inertia_formulas.empty();
-}
-
-std::shared_ptr<const MotionProgram> programOf(const Scene& scene) {
-  using expression::Node;
-  return std::make_shared<const MotionProgram>(scene, std::vector<Node>{},
-                                               MotionProgram::Steps::kByStepper);
 }
 
 std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
   if (scene.shaftCount() < 1 || scene.shaftCount() > kMaxShafts) {
     throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
   }
-  const auto* const program = dynamic_cast<const ProgramMotion*>(like);
-  if (needsProgram(scene)) {
-    auto its_program =
-        orRefuse("cannot be stepped by power series, as states, events and elements that hold are",
-                 [&] { return programOf(scene); });
-    return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), false,
-                                           program);
-  }
-  auto its_program = programOf(scene);
-  return std::make_unique<ProgramMotion>(std::move(scene), std::move(its_program), true, program);
+  const auto make = [&] {
+    return std::make_shared<const MotionProgram>(scene, std::vector<expression::Node>{},
+                                                 MotionProgram::Steps::kByStepper);
+  };
+  const bool has_finder = !startsByProgram(scene);
+  auto program =
+      has_finder
+          ? make()
+          : orRefuse(
+                "cannot be stepped by power series, as states, events and elements that hold are",
+                make);
+  return std::make_unique<ProgramMotion>(std::move(scene), std::move(program), has_finder,
+                                         dynamic_cast<const ProgramMotion*>(like));
 }
 
 /// Tells whether missing code is compiled, and whether a busy compiler is waited for.

@@ -11,6 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include "dynamics/tolerance.h"
+
 namespace variator_sim {
 namespace {
 
@@ -21,12 +23,11 @@ using StateValues = std::vector<double>;
 template <class Scheme>
 class OdeintScheme : public ExplicitScheme {
  protected:
-  /// `stages`: how many slopes are kept, from the one at the step's begin on.
-  OdeintScheme(const MotionProgram& program, int order, int stages)
+  /// `size`: of x; `stages`: how many slopes are kept, from the one at the step's begin on.
+  OdeintScheme(const MotionProgram& program, int size, int order, int stages)
       : ExplicitScheme(order),
-        absolute_(program.ABSOLUTE_TOLERANCE),
-        relative_(program.RELATIVE_TOLERANCE),
-        x_(sizeOf(program)),
+        tolerance_{program.ABSOLUTE_TOLERANCE, program.RELATIVE_TOLERANCE},
+        x_(static_cast<std::size_t>(size)),
         dxdt_(x_),
         end_(x_),
         error_(x_),
@@ -51,15 +52,6 @@ class OdeintScheme : public ExplicitScheme {
   }
   /// k_i of component n, i from 1.
   double slope(int i, std::size_t n) const { return slopes_[static_cast<std::size_t>(i - 1)][n]; }
-  double allowed(double x, double x_new) const {
-    return absolute_ + relative_ * std::max(std::abs(x), std::abs(x_new));
-  }
-  static std::size_t sizeOf(const MotionProgram& program) {
-    const bool has_multipliers = program.IS_CLASSICAL == 0 && program.TRANSMITS != 0;
-    const int multipliers = has_multipliers ? program.K : 0;
-    const int size = program.COMPONENTS + multipliers + program.STATES;
-    return static_cast<std::size_t>(size);
-  }
   static std::size_t count(const ExplicitStep& step) { return static_cast<std::size_t>(step.size); }
   static std::size_t first(const ExplicitStep& step) {
     return static_cast<std::size_t>(step.first);
@@ -84,8 +76,7 @@ class OdeintScheme : public ExplicitScheme {
     }
   }
 
-  const double absolute_;
-  const double relative_;
+  const Tolerance tolerance_;
   StateValues x_;
   StateValues dxdt_;
   StateValues end_;
@@ -100,7 +91,7 @@ class OdeintScheme : public ExplicitScheme {
 /// h (k4 - k5) / 6 estimates the error.
 class Rk4 final : public OdeintScheme<odeint::runge_kutta4<StateValues>> {
  public:
-  explicit Rk4(const MotionProgram& program) : OdeintScheme(program, 4, 4) {}
+  Rk4(const MotionProgram& program, int size) : OdeintScheme(program, size, 4, 4) {}
 
  private:
   double make(const ExplicitStep& step) override {
@@ -112,7 +103,7 @@ class Rk4 final : public OdeintScheme<odeint::runge_kutta4<StateValues>> {
     double norm = 0.0;
     for (std::size_t n = first(step); n < count(step); ++n) {
       const double error = step.h / 6.0 * std::abs(slope(4, n) - error_[n]);
-      norm = std::max(norm, error / allowed(x_[n], end_[n]));
+      norm = std::max(norm, error / tolerance_.of(x_[n], end_[n]));
     }
     stepToNodes(step);
     return norm + poisonOf(step);
@@ -123,8 +114,8 @@ class Rk4 final : public OdeintScheme<odeint::runge_kutta4<StateValues>> {
 /// Norsett, Wanner: Solving ODE I, II.5, II.6).
 class Dopri5 final : public OdeintScheme<odeint::runge_kutta_dopri5<StateValues>> {
  public:
-  explicit Dopri5(const MotionProgram& program)
-      : OdeintScheme(program, 5, 6), slope_at_end_(x_), inside_(x_) {}
+  Dopri5(const MotionProgram& program, int size)
+      : OdeintScheme(program, size, 5, 6), slope_at_end_(x_), inside_(x_) {}
   const double* errorAtEnd() const override { return error_.data(); }
 
  private:
@@ -134,7 +125,7 @@ class Dopri5 final : public OdeintScheme<odeint::runge_kutta_dopri5<StateValues>
     scheme_.do_step(std::ref(derivative), x_, dxdt_, 0.0, end_, slope_at_end_, step.h, error_);
     double norm = 0.0;
     for (std::size_t n = first(step); n < count(step); ++n) {
-      norm = std::max(norm, std::abs(error_[n]) / allowed(x_[n], end_[n]));
+      norm = std::max(norm, std::abs(error_[n]) / tolerance_.of(x_[n], end_[n]));
     }
     for (int j = 0; j < step.nodes; ++j) {
       if (j + 1 < step.nodes) show(step.node[j] * step.h, step.h);
@@ -159,7 +150,7 @@ class Dopri5 final : public OdeintScheme<odeint::runge_kutta_dopri5<StateValues>
     for (std::size_t n = first(step); n < count(step); ++n) {
       const double cubic = 0.5 * (x_[n] + end_[n]) + 0.125 * step.h * (dxdt_[n] - slope_at_end_[n]);
       const double term = 16.0 * std::abs(inside_[n] - cubic);
-      if (!(term > 10.0 * allowed(x_[n], end_[n]))) continue;
+      if (!(term > 10.0 * tolerance_.of(x_[n], end_[n]))) continue;
       double steepest = std::max(std::abs(slope(1, n)), std::abs(slope_at_end_[n]));
       for (int i = 3; i <= 6; ++i) steepest = std::max(steepest, std::abs(slope(i, n)));
       if (term > 0.5 * step.h * steepest) return false;
@@ -187,7 +178,8 @@ class Dopri5 final : public OdeintScheme<odeint::runge_kutta_dopri5<StateValues>
 ///     e6 = h/20 (k1 - 6 k8 + 15 k10 - 20 k6 + 15 k9 - 6 k7 + k11).
 class Fehlberg78 final : public OdeintScheme<odeint::runge_kutta_fehlberg78<StateValues>> {
  public:
-  explicit Fehlberg78(const MotionProgram& program) : OdeintScheme(program, 8, 13), rough_(x_) {}
+  Fehlberg78(const MotionProgram& program, int size)
+      : OdeintScheme(program, size, 8, 13), rough_(x_) {}
   const double* errorAtEnd() const override { return error_.data(); }
 
  private:
@@ -210,7 +202,7 @@ class Fehlberg78 final : public OdeintScheme<odeint::runge_kutta_fehlberg78<Stat
     double poison = 0.0;
     for (std::size_t n = first(step); n < count(step); ++n) {
       const auto k = [&](int i) { return slope(i, n); };
-      const double allowance = allowed(x_[n], end_[n]);
+      const double allowance = tolerance_.of(x_[n], end_[n]);
       const double e5 = h * (0.1 * (k(1) - k(7)) - k(6) + 0.5 * (k(9) - k(8)) + k(10));
       const double e3 = end_[n] - x_[n] - h * (0.75 * k(10) + 0.25 * k(11));
       const double e6 =
@@ -235,14 +227,14 @@ class Fehlberg78 final : public OdeintScheme<odeint::runge_kutta_fehlberg78<Stat
 
 }  // namespace
 
-std::unique_ptr<ExplicitScheme> makeExplicitScheme(const MotionProgram& program) {
+std::unique_ptr<ExplicitScheme> makeExplicitScheme(const MotionProgram& program, int size) {
   switch (program.stepper) {
     case StepperKind::kRk4:
-      return std::make_unique<Rk4>(program);
+      return std::make_unique<Rk4>(program, size);
     case StepperKind::kDopri5:
-      return std::make_unique<Dopri5>(program);
+      return std::make_unique<Dopri5>(program, size);
     case StepperKind::kFehlberg78:
-      return std::make_unique<Fehlberg78>(program);
+      return std::make_unique<Fehlberg78>(program, size);
     default:
       return nullptr;
   }

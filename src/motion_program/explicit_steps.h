@@ -51,7 +51,8 @@ class ExplicitScheme {
   const int order_;
 };
 
-/// Returns the scheme of the scene's stepper for its motion, or null where that is no explicit one.
-std::unique_ptr<ExplicitScheme> makeExplicitScheme(const MotionProgram& program);
+/// Returns the scheme of the scene's stepper for states of `size` components, or null where the
+/// stepper is no explicit one.
+std::unique_ptr<ExplicitScheme> makeExplicitScheme(const MotionProgram& program, int size);
 
 }  // namespace variator_sim

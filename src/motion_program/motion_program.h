@@ -28,8 +28,8 @@ inline constexpr const char* kNoPast =
 
 class MotionProgram : public MotionData {
  public:
-  /// Who makes the steps: the scene's stepper, or series whichever it names (`auto` may change to
-  /// implicit steps).
+  /// kByStepper: the stepper that the scene names makes the steps. kBySeries: power series make
+  /// them, whatever stepper the scene names; with `auto`, implicit steps may take their place.
   enum class Steps { kByStepper, kBySeries };
 
   /// `shown`: further formulas, with a row at order 0. Throws SceneError, with the element and the

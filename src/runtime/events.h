@@ -140,9 +140,10 @@ VS_FUNCTION int vs_rests(const scene_series* it, const Real* x, double reach, do
   return sum <= noise;
 }
 
-/* What rounding of its values at the stages may make of a guard's polynomial up to `reach`. (Where
- * series lead over events, these are looked for as much earlier.) */
-VS_FUNCTION double vs_haze(const scene_series* it, const Real* c, double reach) {
+/* The error of a guard's polynomial up to `reach`, as the rounding of the guard's values at the
+ * stages makes it. Where the polynomial comes so near to a point of the guard, the search takes it
+ * for an event: the step ends before, and a series finds the event or finds none. */
+VS_FUNCTION double vs_stage_rounding(const scene_series* it, const Real* c, double reach) {
   double sum = 0.0;
   int n;
   if (!SERIES_LEAD || it->method == VS_BY_SERIES) return 0.0;
@@ -161,7 +162,7 @@ VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, dou
   points[2] = x[0] == 0.0 ? 0.0 : INFINITY;
   if (guard >= SIGNS) vs_find_points(it, guard - SIGNS, x[0], &points[0], &points[1], &points[2]);
   if (points[2] != x[0] &&
-      vs_clearance(x, it->order, reach, points[0], points[1]) > vs_haze(it, x, reach))
+      vs_clearance(x, it->order, reach, points[0], points[1]) > vs_stage_rounding(it, x, reach))
     return 0;
   for (k = 0; k < 3; ++k) {
     if (!isfinite(points[k])) continue;
@@ -180,7 +181,7 @@ VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it,
   const double noise = it->method == VS_BY_SERIES ? 0.0 : 1e-3 * ABSOLUTE_TOLERANCE;
   const int is_known_in_parts = it->method != VS_IMPLICIT || SERIES_LEAD;
   vs_event found = {0.0, -1, 0, 0.0, 0.0, -1, 0, 0, -1};
-  double points[3], haze;
+  double points[3], error;
   Real c[VS_STRIDE];
   int g, k, n, first = SIGNS + TABLES; /* the first guard that may pass */
   for (g = 0; g < SIGNS + TABLES; ++g) {
@@ -202,11 +203,11 @@ VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it,
   for (g = first; g < SIGNS + TABLES; ++g) {
     if (g == but || !vs_may_pass(it, g, found.theta, points)) continue;
     for (n = 0; n <= it->order; ++n) c[n] = vs_guard(it, g)[n];
-    haze = vs_haze(it, c, found.theta);
+    error = vs_stage_rounding(it, c, found.theta);
     for (k = 0; k < 3; ++k) {
       if (!isfinite(points[k]) || (k < 2 && points[k] == points[2])) continue;
       c[0] = vs_guard(it, g)[0] - points[k];
-      if (haze > 0.0 && k < 2) c[0] *= seriesLarger(1e-3, 1.0 - haze / fabs(c[0]));
+      if (error > 0.0 && k < 2) c[0] *= seriesLarger(1e-3, 1.0 - error / fabs(c[0]));
       vs_meet(&found, c, it->order, g, points[k], rounding + 2e-14 * found.theta);
     }
   }

@@ -40,12 +40,12 @@ typedef struct {
   int are_given; /* 1: the accelerations are, too; 0: those of least reaction */
   int may_move;  /* 1: to the nearest state that the constraints allow */
   /* Out */
-  double made;    /* the length of the step, s */
-  double stopped; /* the instant, s, of a step that failed: its begin, or where no modes go on */
-  int passed;     /* the guard that the step passed at its end, or -1 */
-  int is_event;   /* 1: the step ends at an event behind which all begins anew */
-  int is_still;   /* 1: nothing moves by more than the tolerance in it */
-  int method;     /* by which the step was made */
+  double made;     /* the length of the step, s */
+  double stopped;  /* the instant, s, of a step that failed: its begin, or where no modes go on */
+  int passed;      /* the guard that the step passed at its end, or -1 */
+  int is_event;    /* 1: the step ends at an event behind which all begins anew */
+  int is_still;    /* 1: nothing moves by more than the tolerance in it */
+  int is_implicit; /* 1: the step is one of Radau IIA */
   long rejections, corrections;
   double error;              /* of a step of fixed length, in tolerances; 0 of others */
   double rounding;           /* of the state, as it moves accelerations, in tolerances */

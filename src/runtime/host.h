@@ -300,7 +300,7 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   if (m->status == SCENE_OK && rest != 0.0) m->status = SCENE_NOT_FINITE;
   to->rejections = m->rejections - rejections;
   to->corrections = m->corrections - corrections;
-  to->method = m->series[h->taken].method;
+  to->is_implicit = m->series[h->taken].method == VS_IMPLICIT;
   to->passed = m->passed;
   to->rounding = m->rounding;
   to->error = m->fixed > 0.0 ? m->error : 0.0;

@@ -432,7 +432,7 @@ VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stage
                                           double* most_pushed) {
   const vs_radau* const method = of->method;
   const int s = method->stages, n = UNKNOWNS;
-  double size = 0.0, rest = 0.0, pushed;
+  double size = 0.0, rest = 0.0;
   int i, j, k, p;
   *most_pushed = 0.0;
   for (k = 0; k < s; ++k) {
@@ -457,25 +457,23 @@ VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stage
   }
   for (j = 0; j < s; ++j) {
     for (i = 0; i < n; ++i) {
-      double change = 0.0;
+      double change = 0.0, pushed = 0.0, allowed;
       const int row = i < S ? VELOCITY + i : i < SIZE ? TRANSMITTED + i - S : STATE + i - SIZE;
       if (i >= S && i < SIZE && (IS_CLASSICAL || !TRANSMITS)) continue;
       for (k = 0; k < s; ++k) change += method->A[j][k] * of->residual[n * k + i];
       change = fabs(of->h * change) / vs_tolerance(it, it->row[row][0]);
       size = seriesLarger(size, change);
       if (i >= S) continue;
-      pushed = 0.0;
-      for (p = 0; p < K && !IS_CLASSICAL; ++p) {
+      allowed = vs_tolerance(it, it->row[ACCELERATION + i][0]) + of->noise[i] / VS_LEFT;
+      change = (IS_CLASSICAL ? 0.1 : 1.0) * fabs(of->residual[n * j + i]) / allowed;
+      size = seriesLarger(size, change);
+      if (IS_CLASSICAL) continue; /* (R follows from the multipliers.) */
+      for (p = 0; p < K; ++p) {
         double moved = 0.0;
         for (k = 0; k < s; ++k) moved += method->A[j][k] * of->residual[n * k + S + p];
         pushed += of->h * moved * vs_direction(it, p, i);
       }
-      pushed /= vs_inertia(it, i, i) *
-                (vs_tolerance(it, it->row[ACCELERATION + i][0]) + of->noise[i] / VS_LEFT);
-      *most_pushed = seriesLarger(*most_pushed, fabs(pushed));
-      change = (IS_CLASSICAL ? 0.1 : 1.0) * fabs(of->residual[n * j + i]) /
-               (vs_tolerance(it, it->row[ACCELERATION + i][0]) + of->noise[i] / VS_LEFT);
-      size = seriesLarger(size, change);
+      *most_pushed = seriesLarger(*most_pushed, fabs(pushed / (vs_inertia(it, i, i) * allowed)));
     }
   }
   return size + rest;

@@ -557,8 +557,8 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
     theta *= part > 0.2 ? part : 0.2;
     h = theta * vs_series(m)->unit;
     if (!(h > seriesSmaller(1e-14 * seriesLarger(1.0, m->now.time), 1e-3 * limit))) break;
-    if (vs_series(m)->method !=
-        VS_BY_SERIES) { /* what stood in the way may have been at a stage, too */
+    /* (What stood in the way may have been at a stage, too.) */
+    if (vs_series(m)->method != VS_BY_SERIES) {
       status = vs_find_polynomials(m, h);
       if (status != SCENE_OK) return status;
       theta = seriesSmaller(h, m->usual) / vs_series(m)->unit;
