@@ -429,17 +429,13 @@ VS_FUNCTION double vs_host_work(const vs_host* h, double at, double* through) {
   const scene_series* const it = &h->model.series[h->taken];
   const double tau = seriesSmaller(at, h->made) / it->unit;
   const int last = it->order;
-  double weight[2 * VS_STRIDE], power = it->unit * tau, sum = 0.0;
-  int i, j, k;
+  double weight[2 * VS_STRIDE + 4] = {0.0}, power = it->unit * tau, sum = 0.0;
+  int i, k;
   for (k = 0; k <= 2 * last; ++k, power *= tau) weight[k] = power / (k + 1);
   *through = 0.0;
   for (i = 0; i < S; ++i) {
-    const Real* const Q = it->row[torque_row[i]];
-    Real own[VS_STRIDE], work;
-    for (j = 0; j <= last; ++j) own[j] = Q[0] * weight[j];
-    for (k = 1; k <= last; ++k) {
-      for (j = 0; j <= last; ++j) own[j] = vs_fuse(Q[k], weight[j + k], own[j]);
-    }
+    Real own[VS_STRIDE + 4], work;
+    vs_correlate(it->row[torque_row[i]], weight, last, own);
     work = vs_dot(it->row[VELOCITY + i], own, last + 1);
     sum += work;
     *through += fabs(work);

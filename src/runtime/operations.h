@@ -160,6 +160,27 @@ VS_INLINE Real vs_dot(const Real* a, const Real* b, int count) {
   return sum;
 }
 
+/* y_j = sum_k a_k b_{j+k} with j and k of 0 to last. y has room for a multiple of four, and b, up to
+ * 2 last + 3, is finite. */
+VS_INLINE void vs_correlate(const Real* a, const double* b, int last, Real* y) {
+  int j, k;
+#if defined(VS_HAS_FOURS)
+  for (j = 0; j <= last; j += 4) {
+    vs_four part = {0.0, 0.0, 0.0, 0.0};
+    for (k = 0; k <= last; ++k) {
+      const vs_four one = {a[k], a[k], a[k], a[k]};
+      part = vs_fuse_four(one, *(const vs_four*)(b + j + k), part);
+    }
+    *(vs_four*)(y + j) = part;
+  }
+#else
+  for (j = 0; j <= last; ++j) {
+    y[j] = vs_zero;
+    for (k = 0; k <= last; ++k) y[j] = vs_fuse(a[k], b[j + k], y[j]);
+  }
+#endif
+}
+
 /* sum_{k=low..n-up} a_k b_{n-k} for low and up of 0 or 1. The coefficients of order n were stored
  * just now: they are read as single numbers, since a vector would wait for their stores. */
 VS_INLINE Real vs_convolve(const Real* a, const Real* b, int n, int low, int up) {
