@@ -76,18 +76,10 @@ VS_FUNCTION_RARE int vs_jumps_inside(const scene_series* it, int stages) {
   return 0;
 }
 
-/* The error of a step in tolerances: the defect x' - p'(0) of its polynomials at the begin, damped
- * by an implicit step of g, twice at a first step and after a rejection (Hairer and Wanner,
- * (IV.8.20)). */
-VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* of, int is_first) {
-  const double g = of->h / of->method->real;
-  double* const x = of->sum;
-  double* const by = of->residual;
-  /* the largest |theta (theta - c_1) .. (theta - c_s)| */
-  const double between = of->method->stages == 3 ? 0.018 : 0.0011;
-  /* (Accelerations that follow from the state jump with their formulas, in any step.) */
-  const int has_jump = IS_CLASSICAL && vs_jumps_inside(it, of->method->stages);
-  double norm = 0.0, rest = 0.0;
+/* The defect x' - p'(0) of a step's polynomials at the begin, times g: `by`, and of R and
+ * constraints of order 3 the right-hand side x. */
+VS_FUNCTION_RARE void vs_find_defect(const scene_series* it, const vs_stages* of, double g,
+                                     double* by, double* x) {
   int e, i, p;
   for (i = 0; i < UNKNOWNS; ++i) x[i] = 0.0;
   for (i = 0; i < S; ++i) {
@@ -107,6 +99,21 @@ VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* 
       x[S + p] -= vs_entry(it, p, i) * vs_coefficient(of, 0, it->row[ACCELERATION + i]) / of->h;
     }
   }
+}
+
+/* The error of a step in tolerances: its defect, damped by an implicit step of g, twice at a first
+ * step and after a rejection (Hairer and Wanner, (IV.8.20)). */
+VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* of, int is_first) {
+  const double g = of->h / of->method->real;
+  double* const x = of->sum;
+  double* const by = of->residual;
+  /* the largest |theta (theta - c_1) .. (theta - c_s)| */
+  const double between = of->method->stages == 3 ? 0.018 : 0.0011;
+  /* (Accelerations that follow from the state jump with their formulas, in any step.) */
+  const int has_jump = IS_CLASSICAL && vs_jumps_inside(it, of->method->stages);
+  double norm = 0.0, rest = 0.0;
+  int i, p;
+  vs_find_defect(it, of, g, by, x);
   vs_damp(of, by, x);
   /* (What is stuck has no error but that of the torque by which it lets go.) */
   for (p = 0; p < K && TRANSMITS && !IS_CLASSICAL; ++p) {

@@ -191,11 +191,15 @@ static Real vs_hides(const scene_series* it, const Real* powers, int last) {
 /* */
 #include "runtime/crossings.h"
 /* */
+#include "runtime/linear_systems.h"
+/* */
 #include "runtime/stages.h"
 /* */
 #include "runtime/implicit.h"
 /* */
 #include "runtime/stiffness.h"
+/* */
+#include "runtime/trial.h"
 /* */
 #include "runtime/step.h"
 /* */
