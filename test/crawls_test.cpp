@@ -258,6 +258,29 @@ TEST(Crawls, CommandsEach10Milliseconds) {
   }
 }
 
+// The clutch slips, and what is fast in it has died away. Of series so short only the last
+// coefficients tell that; each command lets lags begin anew, for which steps before were too long.
+TEST(Crawls, ASlippingClutchAtALooseTolerance) {
+  const std::string root = std::string(VARIATOR_SIM_TEST_DIR) + "/../config/applications/";
+  for (const double tolerance : {1e-3, 3e-4, 1e-5}) {
+    const Scene scene = test::withTolerance(test::sceneFromFile(root + "car.yaml"), tolerance);
+    Simulation simulation(scene);
+    const auto command = [&](const std::string& topic, double value) {
+      for (int i = 0; i < scene.inputCount(); ++i) {
+        if (scene.inputs[static_cast<std::size_t>(i)].topic == topic) simulation.command(i, value);
+      }
+    };
+    for (int k = 0; k < 20; ++k) {
+      ASSERT_TRUE(simulation.advanceTo(1.0 + 2.0 * k).ok()) << simulation.describeStatus();
+      command("throttle", k % 2 == 0 ? 0.6 : 0.4);
+      command("clutch", 220.0);
+      command("ratio", 0.15);
+    }
+    EXPECT_LT(simulation.statistics().steps, 600U) << tolerance;
+    EXPECT_LT(simulation.statistics().rejected_steps, 60U) << tolerance;
+  }
+}
+
 // Steady running at a tolerance that rounding does not leave: where it refuses nearly all steps the
 // motion goes on by other means.
 TEST(Crawls, StepsThatRoundingRefuses) {

@@ -83,6 +83,10 @@ VS_FUNCTION scene_status vs_change_inputs(scene_model* m, const scene_signal* ne
   if (status != SCENE_OK) m->now = before;
   m->is_begun = 0;
   if (SERIES_LEAD) m->choice.ahead = 0.0;
+  /* Lags begin anew with each command: the first implicit step behind it is no longer than the one
+     behind the last command proved to be. */
+  m->choice.is_first = 1;
+  if (m->choice.first > 0.0) m->choice.ahead = seriesSmaller(m->choice.ahead, m->choice.first);
   m->at_rest = 0.0;
   m->crossings = 0;
   return status;

@@ -160,8 +160,8 @@ VS_INLINE Real vs_dot(const Real* a, const Real* b, int count) {
   return sum;
 }
 
-/* y_j = sum_k a_k b_{j+k} with j and k of 0 to last. y has room for a multiple of four, and b, up to
- * 2 last + 3, is finite. */
+/* y_j = sum_k a_k b_{j+k} with j and k of 0 to last. y has room for a multiple of four, and b, up
+ * to 2 last + 3, is finite. */
 VS_INLINE void vs_correlate(const Real* a, const double* b, int last, Real* y) {
   int j, k;
 #if defined(VS_HAS_FOURS)

@@ -29,4 +29,6 @@ typedef struct {
   int left;         /* implicit steps before series are tried again */
   double by_series; /* length of the steps before implicit ones, s */
   double ahead;     /* length that the next implicit one may have, s; 0: unknown */
+  int is_first;     /* 1: the next step is the first one behind a command */
+  double first;     /* length that such an implicit one may have, s; 0: unknown */
 } scene_choice;

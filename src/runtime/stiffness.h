@@ -13,6 +13,8 @@ VS_FUNCTION_RARE double vs_exponential_rate(const Real* c, int last) {
   const double match = 0.02; /* relative departure */
   double d[VS_DERIVATIVES];  /* the last first, over last! */
   double factor = 1.0, lambda, det, a, b, square;
+  /* (The first coefficients are those of the slow motion.) */
+  const int asked = last - 4 < 5 ? last - 4 : 5;
   int j, single = 1;
   if (last < VS_DERIVATIVES) return fabs(last * c[last] / c[last - 1]); /* too few to tell */
   d[0] = c[last];
@@ -21,12 +23,13 @@ VS_FUNCTION_RARE double vs_exponential_rate(const Real* c, int last) {
     d[j] = c[last - j] * factor;
   }
   lambda = d[0] / d[1];
-  for (j = 1; j < 5; ++j) single = single && fabs(d[j] - lambda * d[j + 1]) <= match * fabs(d[j]);
+  for (j = 1; j < asked; ++j)
+    single = single && fabs(d[j] - lambda * d[j + 1]) <= match * fabs(d[j]);
   if (single) return fabs(lambda);
   det = d[1] * d[3] - d[2] * d[2];
   a = (d[0] * d[3] - d[1] * d[2]) / det;
   b = (d[1] * d[1] - d[0] * d[2]) / det;
-  for (j = 2; j < 5; ++j) {
+  for (j = 2; j < asked; ++j) {
     const double first = a * d[j + 1], second = b * d[j + 2];
     if (!(fabs(d[j] - first - second) <= match * (fabs(first) + fabs(second)))) return 0.0;
   }
@@ -154,6 +157,8 @@ VS_FUNCTION_RARE void vs_give_up_implicit(scene_model* m) {
 
 /* Chooses the method of the next step, the last one having been h s long. */
 VS_FUNCTION void vs_choose_method(scene_model* m, const scene_series* it, double h) {
+  if (m->choice.is_first && it->method == VS_IMPLICIT) m->choice.first = m->choice.ahead;
+  m->choice.is_first = 0;
   if (!CHOOSES_METHOD || BY_STAGES) return;
   if (m->choice.method == VS_IMPLICIT)
     vs_reconsider(m);
