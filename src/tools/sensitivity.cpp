@@ -19,11 +19,15 @@ namespace {
 using expression::Node;
 using Numbers = std::vector<double>;
 
+/// Distance of the values next to a parameter, as a part of it: a number of the program is known by
+/// them to the square of this, and to rounding / kDistance.
+constexpr double kDistance = 1e-5;
+
 /// A number of the scene.
 struct Parameter {
   std::string path;
   double value;  ///< in SI units
-  double unit;   ///< of its distances, about a thousandth of it
+  double unit;   ///< of its distances
 };
 
 /// Reads the number at a path, a text with its unit too. Throws SceneError.
@@ -152,7 +156,7 @@ struct Source {
   }
 
  private:
-  Stencil stencil_{{-3.0, -2.0, -1.0, 1.0, 2.0, 3.0}};
+  Stencil stencil_{{-1.0, 1.0}};
 
   static void requireSame(const std::vector<int>& one, const std::vector<int>& other,
                           const std::string& path) {
@@ -168,7 +172,7 @@ struct Source {
                      const std::vector<Parameter>& by, const std::vector<double>& direction,
                      const std::string& path, std::vector<Made>* made) {
     const std::vector<std::vector<double>> sides = {
-        stencil_.places, {1.0, 2.0, 3.0, 4.0, 5.0, 6.0}, {-1.0, -2.0, -3.0, -4.0, -5.0, -6.0}};
+        stencil_.places, {1.0, 2.0, 3.0}, {-1.0, -2.0, -3.0}};
     std::string fault;
     for (const std::vector<double>& places : sides) {
       try {
@@ -208,7 +212,7 @@ Sensitivity::Sensitivity(const ParameterTree& tree, const SceneReader& read,
   for (const std::string& path : paths) {
     if (path.find('@') != std::string::npos) continue;
     const double value = readNumber(tree, path);
-    by.push_back({path, value, value == 0.0 ? 1e-3 : 1e-3 * std::abs(value)});
+    by.push_back({path, value, kDistance * (value == 0.0 ? 1.0 : std::abs(value))});
   }
   Source source(tree, read, by);
   scene_ = std::move(source.base.scene);
