@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -47,84 +48,51 @@ constexpr int indexOf(int slot) {
 }
 
 /// The program that computes some nodes of a graph: only what they need, and each common
-/// subexpression once. Values are bit by bit those of the formulas as the graph holds them, when
-/// the compiler does not contract a*b + c into one rounding (-ffp-contract=off, or a processor
-/// without such an instruction); powers as in powerOf.
+/// subexpression once. Values are bit by bit those of the formulas as the graph holds them; powers
+/// as in powerOf.
 class Tape {
  public:
   Tape() = default;
   /// Throws std::invalid_argument for a variable that no StateView holds.
   Tape(const Graph& graph, const std::vector<Node>& outputs);
 
-  int outputCount() const { return output_count_; }
-  /// Number of instructions, for tests.
-  int size() const { return static_cast<int>(program_.size()); }
+  int outputCount() const { return static_cast<int>(outputs_.size()); }
 
   /// Writes `outputCount()` values. It reads only those arrays of `state` that occur in the
   /// formulas, all of them before it writes `outputs`. For the real-time loop: it allocates
   /// nothing, takes no lock, and throws only an opaque function's exceptions. One thread may use a
-  /// tape at a time, as it keeps its registers.
+  /// tape at a time, as it keeps its values.
   void evaluate(const StateView& state, double* outputs) const {
     const double* values = evaluate(state);
-    std::copy(values, values + output_count_, outputs);
+    std::copy(values, values + outputs_.size(), outputs);
   }
   /// Returns the outputs in place: valid until the next evaluation.
   const double* evaluate(const StateView& state) const;
 
  private:
-  friend class TapeBuilder;
-
-  /// The second operation of an instruction a o1 b, in which t is the result of o1 and c the third
-  /// operand: it saves t the way through memory. Both operations round.
-  enum Then : std::uint8_t {
-    kAlone,
-    kPlus,     ///< t + c
-    kMinus,    ///< t - c
-    kFrom,     ///< c - t
-    kTimes,    ///< t * c
-    kOver,     ///< t / c
-    kUnder,    ///< c / t
-    kNegated,  ///< -t
-    kThenCount
-  };
-  /// Returns the code of an operation; only the four from kAdd to kDivide may have a second one.
-  static constexpr int codeOf(Operation operation, Then then = kAlone) {
-    const int first = static_cast<int>(operation);
-    return then == kAlone ? first : 32 + (first - static_cast<int>(Operation::kAdd)) * 8 + then;
-  }
-  static_assert(static_cast<int>(Operation::kWhereFinite) < 32 && kThenCount == 8);
-
-  /// Operands and results are registers.
-  struct Instruction {
-    std::uint8_t code;      ///< of codeOf; kVariable copies one output to another
-    std::uint8_t order[2];  ///< of a table's derivative; of kPower 1 if the exponent is a constant,
-                            ///< of kSin 1 if its second operand receives the cosine
-    std::uint32_t result;
-    std::uint32_t operands[4];
-    std::uint32_t index;  ///< of a table or a call
-  };
-  /// An opaque function: its value, or the derivatives that the program needs.
-  struct Call {
-    std::shared_ptr<const OpaqueFunction> function;
-    std::uint32_t arguments[OpaqueFunction::kMostArguments];  ///< registers
-    /// Registers of the value, then of the derivatives by each argument; -1 if not needed.
-    int results[1 + OpaqueFunction::kMostArguments];
-  };
   struct Load {
-    std::uint32_t to;
-    std::uint32_t index;
+    std::size_t to;
     Source source;
+    int index;
+  };
+  struct Instruction {
+    Operation operation;
+    int order[2];  ///< of a derivative, as in Graph::Entry
+    bool has_constant_exponent;
+    std::size_t operands[4];  ///< places of values
+    std::size_t result;
+    std::shared_ptr<const Table> table;
+    std::shared_ptr<const Table2> table2;
+    std::shared_ptr<const OpaqueFunction> function;
   };
 
-  void carryOut(const Call& call) const;
+  static double compute(const Instruction& it, const double* operands);
 
   std::vector<Load> loads_;
   std::vector<Instruction> program_;
-  int output_count_ = 0;  ///< in the first registers
-  std::vector<std::shared_ptr<const Table>> tables_;
-  std::vector<std::shared_ptr<const Table2>> tables2_;
-  std::vector<Call> calls_;
-  mutable std::vector<double> registers_;  ///< the constants are filled in once
+  std::vector<std::size_t> outputs_;  ///< places of values
+  /// The outputs, then one value of each node; the constants are filled in once.
+  mutable std::vector<double> values_;
 };
 
 }  // namespace variator_sim::expression
