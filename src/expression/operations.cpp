@@ -6,52 +6,9 @@
 
 namespace variator_sim::expression {
 
-int operandCount(Operation operation) {
-  switch (operation) {
-    case Operation::kConstant:
-    case Operation::kVariable:
-      return 0;
-    case Operation::kAdd:
-    case Operation::kSubtract:
-    case Operation::kMultiply:
-    case Operation::kDivide:
-    case Operation::kPower:
-    case Operation::kAtan2:
-    case Operation::kMin:
-    case Operation::kMax:
-    case Operation::kTable2:
-    case Operation::kWhereFinite:
-      return 2;
-    case Operation::kOpaque:
-    case Operation::kSelect:
-      return 4;
-    default:
-      return 1;
-  }
-}
-
-bool isMultipliedPower(double exponent) {
-  return std::abs(exponent) <= kLargestMultipliedPower && exponent == std::trunc(exponent);
-}
-
-double signOf(double x) {
-  return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : x == 0.0 ? 0.0 : x;
-}
-
-double minimumOf(double a, double b) {
-  return a <= b ? a : b < a ? b : a + b;
-}
-
-double maximumOf(double a, double b) {
-  return a >= b ? a : b > a ? b : a + b;
-}
-
-double whereFinite(double a, double value) {
-  return std::isfinite(a) ? value : std::isinf(a) ? 0.0 : a;
-}
-
 double powerOf(double x, double exponent) {
-  if (!isMultipliedPower(exponent)) {
+  constexpr double kLargestMultiplied = 16.0;
+  if (std::abs(exponent) > kLargestMultiplied || exponent != std::trunc(exponent)) {
     return exponent == 0.5 ? std::sqrt(x) : std::pow(x, exponent);
   }
   if (exponent < 0.0) {
@@ -69,70 +26,84 @@ double powerOf(double x, double exponent) {
   return root * root;
 }
 
-// The list of operations makes this function long.
-double evaluateOperation(Operation operation, const double* operands) {
-  const double a = operands[0];
-  switch (operation) {
-    case Operation::kNegate:
-      return -a;
-    case Operation::kAdd:
-      return a + operands[1];
-    case Operation::kSubtract:
-      return a - operands[1];
-    case Operation::kMultiply:
-      return a * operands[1];
-    case Operation::kDivide:
-      return a / operands[1];
-    case Operation::kPower:
-      return powerOf(a, operands[1]);
-    case Operation::kSin:
-      return std::sin(a);
-    case Operation::kCos:
-      return std::cos(a);
-    case Operation::kTan:
-      return std::tan(a);
-    case Operation::kAsin:
-      return std::asin(a);
-    case Operation::kAcos:
-      return std::acos(a);
-    case Operation::kAtan:
-      return std::atan(a);
-    case Operation::kAtan2:
-      return std::atan2(a, operands[1]);
-    case Operation::kSinh:
-      return std::sinh(a);
-    case Operation::kCosh:
-      return std::cosh(a);
-    case Operation::kTanh:
-      return std::tanh(a);
-    case Operation::kExp:
-      return std::exp(a);
-    case Operation::kLog:
-      return std::log(a);
-    case Operation::kSqrt:
-      return std::sqrt(a);
-    case Operation::kAbs:
-      return std::abs(a);
-    case Operation::kSign:
-      return signOf(a);
-    case Operation::kMin:
-      return minimumOf(a, operands[1]);
-    case Operation::kMax:
-      return maximumOf(a, operands[1]);
-    case Operation::kSelect:
-      return a <= operands[1]  ? operands[2]
-             : a > operands[1] ? operands[3]
-                               : std::numeric_limits<double>::quiet_NaN();
-    case Operation::kWhereFinite:
-      return whereFinite(a, operands[1]);
-    case Operation::kConstant:
-    case Operation::kVariable:
-    case Operation::kTable:
-    case Operation::kTable2:
-    case Operation::kOpaque:
-      break;
+namespace {
+
+// A comparison with NaN is undecided, so its result is NaN (std::min may drop it).
+double signOf(double x) {
+  return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : x == 0.0 ? 0.0 : x;
+}
+double minimumOf(double a, double b) {
+  return a <= b ? a : b < a ? b : a + b;
+}
+double maximumOf(double a, double b) {
+  return a >= b ? a : b > a ? b : a + b;
+}
+double selectOf(double a, double b, double yes, double no) {
+  return a <= b ? yes : a > b ? no : std::numeric_limits<double>::quiet_NaN();
+}
+double whereFinite(double a, double value) {
+  return std::isfinite(a) ? value : std::isinf(a) ? 0.0 : a;
+}
+
+using Operands = const double*;
+
+struct Rule {
+  Operation operation;
+  int operand_count;
+  double (*value)(Operands x);  ///< null for what reads more than its operands
+};
+constexpr Rule kRules[] = {
+    {Operation::kConstant, 0, nullptr},
+    {Operation::kVariable, 0, nullptr},
+    {Operation::kNegate, 1, [](Operands x) { return -x[0]; }},
+    {Operation::kAdd, 2, [](Operands x) { return x[0] + x[1]; }},
+    {Operation::kSubtract, 2, [](Operands x) { return x[0] - x[1]; }},
+    {Operation::kMultiply, 2, [](Operands x) { return x[0] * x[1]; }},
+    {Operation::kDivide, 2, [](Operands x) { return x[0] / x[1]; }},
+    {Operation::kPower, 2, [](Operands x) { return powerOf(x[0], x[1]); }},
+    {Operation::kSin, 1, [](Operands x) { return std::sin(x[0]); }},
+    {Operation::kCos, 1, [](Operands x) { return std::cos(x[0]); }},
+    {Operation::kTan, 1, [](Operands x) { return std::tan(x[0]); }},
+    {Operation::kAsin, 1, [](Operands x) { return std::asin(x[0]); }},
+    {Operation::kAcos, 1, [](Operands x) { return std::acos(x[0]); }},
+    {Operation::kAtan, 1, [](Operands x) { return std::atan(x[0]); }},
+    {Operation::kAtan2, 2, [](Operands x) { return std::atan2(x[0], x[1]); }},
+    {Operation::kSinh, 1, [](Operands x) { return std::sinh(x[0]); }},
+    {Operation::kCosh, 1, [](Operands x) { return std::cosh(x[0]); }},
+    {Operation::kTanh, 1, [](Operands x) { return std::tanh(x[0]); }},
+    {Operation::kExp, 1, [](Operands x) { return std::exp(x[0]); }},
+    {Operation::kLog, 1, [](Operands x) { return std::log(x[0]); }},
+    {Operation::kSqrt, 1, [](Operands x) { return std::sqrt(x[0]); }},
+    {Operation::kAbs, 1, [](Operands x) { return std::abs(x[0]); }},
+    {Operation::kSign, 1, [](Operands x) { return signOf(x[0]); }},
+    {Operation::kMin, 2, [](Operands x) { return minimumOf(x[0], x[1]); }},
+    {Operation::kMax, 2, [](Operands x) { return maximumOf(x[0], x[1]); }},
+    {Operation::kTable, 1, nullptr},
+    {Operation::kTable2, 2, nullptr},
+    {Operation::kOpaque, 4, nullptr},
+    {Operation::kSelect, 4, [](Operands x) { return selectOf(x[0], x[1], x[2], x[3]); }},
+    {Operation::kWhereFinite, 2, [](Operands x) { return whereFinite(x[0], x[1]); }}};
+
+constexpr const Rule& ruleOf(Operation operation) {
+  return kRules[static_cast<std::size_t>(operation)];
+}
+
+constexpr bool areInOrder() {
+  for (const Rule& it : kRules) {
+    if (&ruleOf(it.operation) != &it) return false;
   }
-  return std::numeric_limits<double>::quiet_NaN();
+  return true;
+}
+static_assert(areInOrder(), "a rule stands at its operation's number");
+
+}  // namespace
+
+int operandCount(Operation operation) {
+  return ruleOf(operation).operand_count;
+}
+
+double evaluateOperation(Operation operation, const double* operands) {
+  return ruleOf(operation).value(operands);
 }
 
 }  // namespace variator_sim::expression

@@ -65,24 +65,9 @@ enum class Operation : std::uint8_t {
 /// its last argument.
 int operandCount(Operation operation);
 
-/// Exponents c that are integers with |c| <= kLargestMultipliedPower become multiplications.
-constexpr int kLargestMultipliedPower = 16;
-/// True when x^exponent is computed by multiplications (and one division when it is negative).
-bool isMultipliedPower(double exponent);
-
-// Functions at run time that std:: lacks. They keep NaN: a comparison with NaN is undecided, so its
-// result is NaN.
-/// -1, 0, 1, or NaN.
-double signOf(double x);
-/// The smaller one; NaN when either is NaN (std::min may drop it).
-double minimumOf(double a, double b);
-/// The larger one; NaN when either is NaN.
-double maximumOf(double a, double b);
-/// Returns `value` if `a` is finite, 0 if it is infinite, NaN if it is NaN.
-double whereFinite(double a, double value);
 /// x^exponent for an exponent that is a constant: x^n = (x^(n/2))^2 for even n, x^(n-1) x for odd
-/// n, x^-n = 1/x^n while isMultipliedPower (at most |n| - 1 rounded products, so a relative error
-/// below |n| units of round-off), std::pow otherwise.
+/// n, x^-n = 1/x^n for integers up to 16 in size (at most |n| - 1 rounded products, so a relative
+/// error below |n| units of round-off), std::pow otherwise.
 double powerOf(double x, double exponent);
 /// Returns the value of an operation with `operandCount` operands as at run time; not for tables
 /// and kOpaque.
