@@ -38,7 +38,9 @@ void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<N
   }
   made_.listResolved();
   findPlaces();
-  findPrograms(trial.size());
+  const std::vector<bool> needed = findNeeded(
+      {made_.outputs_.begin(), made_.outputs_.begin() + static_cast<std::ptrdiff_t>(trial.size())});
+  for (std::size_t i = 0; i < needed.size(); ++i) made_.instructions_[i].is_tried = needed[i];
 }
 
 int SeriesCompiler::addRow(int degree, bool is_accelerated) {
@@ -97,10 +99,6 @@ int SeriesCompiler::place(const Instruction& it, const std::vector<int>& written
   return it.result;
 }
 
-int SeriesCompiler::addState() {
-  return made_.states_++;
-}
-
 int SeriesCompiler::constantRow(double value) {
   if (std::isnan(value)) throw std::invalid_argument("a constant that is no number");
   const auto [found, is_new] = row_of_constant_.try_emplace(value, -1);
@@ -116,8 +114,7 @@ int SeriesCompiler::rowOf(Form& form) {
   if (form.terms.size() == 1 && form.constant == 0.0 && form.terms[0].factor == 1.0) {
     return form.terms[0].row;
   }
-  Instruction it;
-  it.code = Code::kLinear;
+  Instruction it = instruction(Code::kLinear, {});
   it.constant = form.constant;
   it.aux[0] = static_cast<int>(made_.terms_.size());
   it.aux[1] = static_cast<int>(form.terms.size());
@@ -204,10 +201,8 @@ int SeriesCompiler::product(int x, int y) {
   if (x > y) std::swap(x, y);
   int& row = product_of_.try_emplace({x, y}, -1).first->second;
   if (row >= 0) return row;
-  Instruction it;
-  it.code = x == y ? Code::kSquare : Code::kMultiply;
-  it.operands[0] = x;
-  it.operands[1] = x == y ? -1 : y;
+  const Instruction it =
+      x == y ? instruction(Code::kSquare, {x}) : instruction(Code::kMultiply, {x, y});
   const int highest = std::min(degree(x) + degree(y), SeriesProgram::kNoDegree);
   row = append(it, {}, highest);
   return row;
@@ -227,13 +222,7 @@ SeriesCompiler::Form SeriesCompiler::divide(Form& a, Form& b) {
     factor *= takeFactor(a, &x);
   }
   int& row = quotient_of_.try_emplace({x, y}, -1).first->second;
-  if (row < 0) {
-    Instruction it;
-    it.code = Code::kDivide;
-    it.operands[0] = x;
-    it.operands[1] = y;
-    row = append(it, {}, SeriesProgram::kNoDegree);
-  }
+  if (row < 0) row = append(instruction(Code::kDivide, {x, y}), {}, SeriesProgram::kNoDegree);
   return single(row, factor);
 }
 
@@ -255,10 +244,8 @@ SeriesCompiler::Form SeriesCompiler::power(const Graph::Entry& entry) {
       one.constant = 1.0;
       return k > 0.0 ? raised : divide(one, raised);
     }
-    Instruction it;
-    it.code = Code::kPower;
-    it.operands[0] = rowOf(base);
-    it.operands[1] = rate(it.operands[0]);
+    const int x = rowOf(base);
+    Instruction it = instruction(Code::kPower, {x, rate(x)});
     it.constant = k;
     return single(append(it, {}, SeriesProgram::kNoDegree));
   }
@@ -297,19 +284,6 @@ std::vector<bool> SeriesCompiler::findNeeded(std::vector<int> open) const {
     }
   }
   return needed;
-}
-
-void SeriesCompiler::findPrograms(std::size_t count) {
-  const auto first = made_.outputs_.begin();
-  const std::vector<bool> needed = findNeeded({first, first + static_cast<std::ptrdiff_t>(count)});
-  for (std::size_t i = 0; i < needed.size(); ++i) {
-    const bool is_accelerated = made_.isAccelerated(made_.instructions_[i].result);
-    const int index = static_cast<int>(i);
-    made_.instructions_[i].is_tried = needed[i];
-    if (!is_accelerated) made_.programs_[0].push_back(index);
-    if (is_accelerated && needed[i]) made_.programs_[1].push_back(index);
-    if (is_accelerated) made_.programs_[2].push_back(index);
-  }
 }
 
 SeriesProgram::SeriesProgram(const Graph& graph, const std::vector<Node>& trial,

@@ -3,6 +3,7 @@
 /// it. Constant factors are moved out of products of nodes.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <initializer_list>
 #include <map>
@@ -35,12 +36,17 @@ class SeriesCompiler {
   int addRow(int degree, bool is_accelerated);
   int degree(int row) const { return made_.degree(row); }
 
+  static Instruction instruction(Code code, std::initializer_list<int> operands) {
+    Instruction it;
+    it.code = code;
+    std::copy(operands.begin(), operands.end(), it.operands);
+    return it;
+  }
   /// Appends an instruction; the kind of its result follows from its operands.
   int append(Instruction it, std::initializer_list<int*> results, int degree);
   bool mayHavePole(const Instruction& it) const;
   /// Adds an instruction with existing rows; returns the row of its result.
   int place(const Instruction& it, const std::vector<int>& written);
-  int addState();
 
   int constantRow(double value);
   /// Returns the row of a form; `form` becomes that row.
@@ -71,15 +77,16 @@ class SeriesCompiler {
   /// Returns D of x: its rate, j x_j at j - 1.
   int rate(int x);
   int exponential(int x);
+  /// Appends an instruction with a second result, whose row is its aux[0] then.
+  int withSecond(const Instruction& it);
   /// Returns sine or, with `second`, cosine of one argument.
   int pair(Code code, int x, bool second);
-  int tangent(Code code, int x);
   /// Returns log x, atan x, asin x, acos x or atan2(x, y).
   int primitive(Code code, int x, int y);
   int root(int x);
 
   Form function(const Graph::Entry& entry);
-  int branch(const Graph::Entry& entry, int a);
+  int branch(Code code, const Graph::Entry& entry, int a);
   int table(const Graph::Entry& entry, int a);
   int opaque(const Graph::Entry& entry, int a);
 
@@ -87,8 +94,6 @@ class SeriesCompiler {
   std::vector<bool> findNeeded(std::vector<int> open) const;
   /// Resolves the rows of the instructions.
   void findPlaces();
-  /// Finds the programs; the first `count` outputs belong to the trial.
-  void findPrograms(std::size_t count);
 
   const Graph& graph_;
   SeriesProgram& made_;

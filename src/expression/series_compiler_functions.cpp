@@ -1,7 +1,6 @@
 // Instructions of functions, branches and tables: a row, and the rows that its recurrence needs.
 #include <algorithm>
-#include <stdexcept>
-#include <vector>
+#include <map>
 
 #include "expression/opaque_slope.h"
 #include "expression/series_compiler.h"
@@ -11,179 +10,118 @@ namespace variator_sim::expression {
 int SeriesCompiler::rate(int x) {
   int& row = rate_of_.try_emplace(x, -1).first->second;
   if (row >= 0) return row;
-  Instruction it;
-  it.code = Code::kRate;
-  it.operands[0] = x;
   const bool is_polynomial = degree(x) < SeriesProgram::kNoDegree;
-  row = append(it, {}, is_polynomial ? std::max(0, degree(x) - 1) : SeriesProgram::kNoDegree);
+  row = append(instruction(Code::kRate, {x}), {},
+               is_polynomial ? std::max(0, degree(x) - 1) : SeriesProgram::kNoDegree);
   return row;
 }
 
 int SeriesCompiler::exponential(int x) {
-  Instruction it;
-  it.code = Code::kExp;
-  it.operands[0] = x;
-  it.operands[1] = rate(x);
-  return append(it, {}, SeriesProgram::kNoDegree);
+  return append(instruction(Code::kExp, {x, rate(x)}), {}, SeriesProgram::kNoDegree);
+}
+
+int SeriesCompiler::withSecond(const Instruction& it) {
+  int second = -1;
+  const int row = append(it, {&second}, SeriesProgram::kNoDegree);
+  made_.instructions_.back().aux[0] = second;
+  return row;
 }
 
 int SeriesCompiler::pair(Code code, int x, bool second) {
   auto& rows = pair_of_.try_emplace({code, x}, std::pair<int, int>{-1, -1}).first->second;
   if (rows.first < 0) {
-    Instruction it;
-    it.code = code;
-    it.operands[0] = x;
-    it.operands[1] = rate(x);
-    int other = -1;
-    rows.first = append(it, {&other}, SeriesProgram::kNoDegree);
-    made_.instructions_.back().aux[0] = rows.second = other;
+    rows.first = withSecond(instruction(code, {x, rate(x)}));
+    rows.second = made_.instructions_.back().aux[0];
   }
   return second ? rows.second : rows.first;
 }
 
-int SeriesCompiler::tangent(Code code, int x) {
-  Instruction it;
-  it.code = code;
-  it.operands[0] = x;
-  it.operands[1] = rate(x);
-  int w = -1;
-  const int row = append(it, {&w}, SeriesProgram::kNoDegree);
-  made_.instructions_.back().aux[0] = w;
-  return row;
-}
-
 int SeriesCompiler::primitive(Code code, int x, int y) {
-  Instruction it;
-  it.code = code;
-  it.operands[0] = x;
-  it.operands[1] = y;
+  Instruction it = instruction(code, {x, y});
   it.constant = code == Code::kAcos ? -1.0 : 1.0;
   Form one;
   one.constant = 1.0;
   const auto square = [this](int row) { return single(product(row, row)); };
-  switch (code) {
-    case Code::kLog:
-      it.operands[2] = rate(x);
-      it.operands[3] = x;
-      break;
-    case Code::kAtan: {
-      Form w = combine(one, 1.0, square(x), 1.0);
-      it.operands[2] = rate(x);
-      it.operands[3] = rowOf(w);
-      break;
-    }
-    case Code::kAsin:
-    case Code::kAcos: {
-      Form w = combine(one, 1.0, square(x), -1.0);
-      it.operands[2] = rate(x);
-      it.operands[3] = root(rowOf(w));
-      break;
-    }
-    case Code::kAtan2: {
-      // (x y' ..): the rate of atan2(x, y) is (y x' - x y') / (x^2 + y^2)
-      Instruction wronskian;
-      wronskian.code = Code::kWronskian;
-      wronskian.operands[0] = y;
-      wronskian.operands[1] = x;
-      wronskian.operands[2] = rate(y);
-      wronskian.operands[3] = rate(x);
-      it.operands[2] = append(wronskian, {}, SeriesProgram::kNoDegree);
-      Form w = combine(square(x), 1.0, square(y), 1.0);
-      it.operands[3] = rowOf(w);
-      break;
-    }
-    default:
-      break;
+  Form w;
+  if (code == Code::kAtan2) {
+    // (x y' ..): the rate of atan2(x, y) is (y x' - x y') / (x^2 + y^2)
+    it.operands[2] = append(instruction(Code::kWronskian, {y, x, rate(y), rate(x)}), {},
+                            SeriesProgram::kNoDegree);
+    w = combine(square(x), 1.0, square(y), 1.0);
+  } else if (code == Code::kLog) {
+    w = single(x);
+  } else {
+    w = combine(one, 1.0, square(x), code == Code::kAtan ? 1.0 : -1.0);
   }
-  int q = -1;
-  const int row = append(it, {&q}, SeriesProgram::kNoDegree);
-  made_.instructions_.back().aux[0] = q;
-  return row;
+  if (code != Code::kAtan2) it.operands[2] = rate(x);
+  it.operands[3] = rowOf(w);
+  if (code == Code::kAsin || code == Code::kAcos) it.operands[3] = root(it.operands[3]);
+  return withSecond(it);
 }
 
 int SeriesCompiler::root(int x) {
-  Instruction it;
-  it.code = Code::kSqrt;
-  it.operands[0] = x;
-  return append(it, {}, SeriesProgram::kNoDegree);
+  return append(instruction(Code::kSqrt, {x}), {}, SeriesProgram::kNoDegree);
 }
 
 SeriesCompiler::Form SeriesCompiler::function(const Graph::Entry& entry) {
+  static const std::map<Operation, Code> codes = {
+      {Operation::kSin, Code::kSinCos},    {Operation::kCos, Code::kSinCos},
+      {Operation::kTan, Code::kTan},       {Operation::kAsin, Code::kAsin},
+      {Operation::kAcos, Code::kAcos},     {Operation::kAtan, Code::kAtan},
+      {Operation::kAtan2, Code::kAtan2},   {Operation::kSinh, Code::kSinhCosh},
+      {Operation::kCosh, Code::kSinhCosh}, {Operation::kTanh, Code::kTanh},
+      {Operation::kExp, Code::kExp},       {Operation::kLog, Code::kLog},
+      {Operation::kSqrt, Code::kSqrt},     {Operation::kAbs, Code::kAbs},
+      {Operation::kSign, Code::kSign},     {Operation::kMin, Code::kMin},
+      {Operation::kMax, Code::kMax},       {Operation::kTable, Code::kTable},
+      {Operation::kTable2, Code::kTable2}, {Operation::kOpaque, Code::kOpaque},
+      {Operation::kSelect, Code::kSelect}, {Operation::kWhereFinite, Code::kWhereFinite}};
   const int a = rowOf(entry.operands[0]);
-  switch (entry.operation) {
-    case Operation::kSin:
-    case Operation::kCos:
-      return single(pair(Code::kSinCos, a, entry.operation == Operation::kCos));
-    case Operation::kSinh:
-    case Operation::kCosh:
-      return single(pair(Code::kSinhCosh, a, entry.operation == Operation::kCosh));
-    case Operation::kTan:
-      return single(tangent(Code::kTan, a));
-    case Operation::kTanh:
-      return single(tangent(Code::kTanh, a));
-    case Operation::kExp:
+  const Code code = codes.at(entry.operation);
+  switch (code) {
+    case Code::kSinCos:
+      return single(pair(code, a, entry.operation == Operation::kCos));
+    case Code::kSinhCosh:
+      return single(pair(code, a, entry.operation == Operation::kCosh));
+    case Code::kTan:
+    case Code::kTanh:
+      return single(withSecond(instruction(code, {a, rate(a)})));
+    case Code::kExp:
       return single(exponential(a));
-    case Operation::kLog:
-      return single(primitive(Code::kLog, a, -1));
-    case Operation::kAtan:
-      return single(primitive(Code::kAtan, a, -1));
-    case Operation::kAsin:
-      return single(primitive(Code::kAsin, a, -1));
-    case Operation::kAcos:
-      return single(primitive(Code::kAcos, a, -1));
-    case Operation::kAtan2:
-      return single(primitive(Code::kAtan2, a, rowOf(entry.operands[1])));
-    case Operation::kSqrt:
+    case Code::kLog:
+    case Code::kAtan:
+    case Code::kAsin:
+    case Code::kAcos:
+      return single(primitive(code, a, -1));
+    case Code::kAtan2:
+      return single(primitive(code, a, rowOf(entry.operands[1])));
+    case Code::kSqrt:
       return single(root(a));
-    case Operation::kTable:
-    case Operation::kTable2:
+    case Code::kTable:
+    case Code::kTable2:
       return single(table(entry, a));
-    case Operation::kOpaque:
+    case Code::kOpaque:
       return single(opaque(entry, a));
     default:
-      return single(branch(entry, a));
+      return single(branch(code, entry, a));
   }
 }
 
-int SeriesCompiler::branch(const Graph::Entry& entry, int a) {
-  Instruction it;
-  switch (entry.operation) {
-    case Operation::kAbs:
-      it.code = Code::kAbs;
-      break;
-    case Operation::kSign:
-      it.code = Code::kSign;
-      break;
-    case Operation::kMin:
-      it.code = Code::kMin;
-      break;
-    case Operation::kMax:
-      it.code = Code::kMax;
-      break;
-    case Operation::kSelect:
-      it.code = Code::kSelect;
-      break;
-    case Operation::kWhereFinite:
-      it.code = Code::kWhereFinite;
-      break;
-    default:
-      throw std::invalid_argument("a function without a series");
-  }
-  it.operands[0] = a;
+int SeriesCompiler::branch(Code code, const Graph::Entry& entry, int a) {
+  Instruction it = instruction(code, {a});
   int highest = degree(a);
   for (int k = 1; k < operandCount(entry.operation); ++k) {
     it.operands[k] = rowOf(entry.operands[k]);
     highest = std::max(highest, degree(it.operands[k]));
   }
-  it.state = addState();
-  return append(it, {}, entry.operation == Operation::kSign ? 0 : highest);
+  it.state = made_.states_++;
+  return append(it, {}, code == Code::kSign ? 0 : highest);
 }
 
 int SeriesCompiler::table(const Graph::Entry& entry, int a) {
   SeriesProgram::Piece piece;
   const bool has_two = entry.operation == Operation::kTable2;
-  Instruction it;
-  it.operands[0] = a;
+  Instruction it = instruction(has_two ? Code::kTable2 : Code::kTable, {a});
   piece.order[0] = entry.order[0];
   piece.order[1] = entry.order[1];
   const int degree = has_two ? graph_.table2Of(entry)->degree() : graph_.tableOf(entry)->degree();
@@ -191,12 +129,10 @@ int SeriesCompiler::table(const Graph::Entry& entry, int a) {
   piece.degree[1] = has_two ? degree - entry.order[1] : 0;
   bool is_accelerated = made_.isAccelerated(a);
   if (has_two) {
-    it.code = Code::kTable2;
     it.operands[1] = rowOf(entry.operands[1]);
     is_accelerated = is_accelerated || made_.isAccelerated(it.operands[1]);
     piece.table2 = graph_.table2Of(entry);
   } else {
-    it.code = Code::kTable;
     piece.table = graph_.tableOf(entry);
   }
   it.state = static_cast<int>(made_.pieces_.size());
@@ -215,9 +151,7 @@ int SeriesCompiler::opaque(const Graph::Entry& entry, int a) {
   if (entry.order[0] > 0) {
     piece.function = std::make_shared<const OpaqueSlope>(piece.function, entry.order[0]);
   }
-  Instruction it;
-  it.code = Code::kOpaque;
-  it.operands[0] = a;
+  Instruction it = instruction(Code::kOpaque, {a});
   for (int k = 1; k < piece.function->argumentCount(); ++k) {
     it.operands[k] = rowOf(entry.operands[k]);
   }

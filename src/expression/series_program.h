@@ -13,14 +13,10 @@
 /// direction of motion.
 #pragma once
 
-#include <algorithm>
-#include <array>
 #include <cstddef>
 #include <cstdint>
-#include <map>
 #include <memory>
-#include <string>
-#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "expression/series_functions.h"
@@ -32,7 +28,9 @@ class MotionRows;
 }
 namespace variator_sim::expression {
 
-struct CodeStructure;
+/// True for 0, 1 and -1, which are literals in the code: a compiler simplifies their operations.
+bool isWrittenOut(double value);
+
 /// The rows of coefficients of a set of formulas. The interpreter and the C of kernels compute them
 /// (MotionRows).
 class SeriesProgram {
@@ -40,10 +38,6 @@ class SeriesProgram {
   /// The places of a row. The last one is kept by recurrences; sums by fours read the others behind
   /// the last coefficient, which stay 0.
   static constexpr int kStride = 36;
-
-  /// Groups of nodes: without accelerations; with accelerations and needed by the first outputs;
-  /// all with accelerations.
-  enum class Part { kGiven, kTrial, kAccelerated };
 
   SeriesProgram() = default;
   /// Makes rows of coefficients 0 to `order` for `trial`, then `others`, and for the variables in
@@ -53,26 +47,18 @@ class SeriesProgram {
 
   /// The largest order.
   int order() const { return kStride - kPad - 1; }
-  /// The row of output n, and of the n-th of `slots`.
+  /// The row of output n.
   int output(int n) const { return outputs_[static_cast<std::size_t>(n)]; }
-  int variable(int n) const { return variables_[static_cast<std::size_t>(n)]; }
-  /// True when all coefficients but the first are 0.
-  bool isConstant(int row) const { return degree_[static_cast<std::size_t>(row)] == 0; }
   /// True when the row depends on an acceleration.
   bool isAccelerated(int row) const { return accelerated_[static_cast<std::size_t>(row)] != 0; }
 
   /// The last coefficient of a row that is a polynomial of s; otherwise a number beyond all orders.
   int degree(int row) const { return degree_[static_cast<std::size_t>(row)]; }
-  /// Adds the structure of the C; its constants are those of `const double* c` there.
-  void addStructure(CodeStructure* structure) const;
+  /// Adds the structure of the C: equal words mean the same C but for its numbers.
+  void addStructure(std::vector<int>* words) const;
   int rowCount() const { return static_cast<int>(degree_.size()); }
   /// The order of series along parabolas of the variables.
   static constexpr int kAlong = 8;
-  /// True if some function along parabolas of the variables is no polynomial of that order.
-  bool canHide() const { return !hiding_.empty(); }
-  /// True if an argument has moved so far, between two states of which these are the values of all
-  /// rows, that its function may be unresolved between. [loop]
-  bool haveArgumentsGoneFar(const double* from, const double* to) const;
   /// The operations that determine the outputs, in order, with their operand rows.
   const std::vector<SeriesOperation>& resolved() const { return resolved_; }
 
@@ -98,7 +84,7 @@ class SeriesProgram {
     int state = -1;         ///< of states_: the mode
     int ends = 0;           ///< the last order with coefficients other than 0
     int last = 0;           ///< the last coefficient of operand 1, a rate
-    bool is_tried = false;  ///< computed by kTrial
+    bool is_tried = false;  ///< the first outputs follow from it
     double constant = 0.0;
   };
   struct Term {
@@ -124,9 +110,7 @@ class SeriesProgram {
   std::vector<char> accelerated_;
   std::vector<bool> has_pole_;  ///< may be infinite without an overflow
   std::vector<Instruction> instructions_;
-  std::array<std::vector<int>, 3> programs_;
   std::vector<SeriesOperation> resolved_;
-  std::vector<SeriesOperation> hiding_;  ///< entries of resolved_ meant by canHide
   std::vector<Term> terms_;
   int states_ = 0;                  ///< the number of modes
   std::vector<int> accelerations_;  ///< their rows

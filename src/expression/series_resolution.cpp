@@ -1,16 +1,9 @@
-// Checks that the interpreter's rows resolve the functions of a program along a step.
+// The operations of a program, for the check that its rows resolve them along a step.
 #include <algorithm>
-#include <cmath>
-#include <utility>
 
 #include "expression/series_program.h"
 
 namespace variator_sim::expression {
-
-namespace {
-using Real = double;
-#include "expression/series_resolution.inc"
-}  // namespace
 
 /// Returns the operation of an instruction's function; instructions of recurrences alone have none.
 SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
@@ -105,35 +98,6 @@ void SeriesProgram::listResolved() {
     if (it.kind < kSeriesOpaque) it.power = std::max({a, b, before});
     power[static_cast<std::size_t>(it.result)] = it.power;
   }
-  // Arguments whose ends are far apart tell nothing of the way between them if they turn on it, as
-  // x^4 does: a product that a function's argument follows from is asked, too.
-  std::vector<char> is_argument(degree_.size(), 0);
-  hiding_.clear();
-  for (auto it = resolved_.rbegin(); it != resolved_.rend(); ++it) {
-    // (Steps end at the points of tables.)
-    const bool may_hide =
-        it->kind > kSeriesFinite && it->kind != kSeriesTable && it->power > kAlong;
-    const bool is_function = may_hide && it->kind != kSeriesProduct;
-    const bool leads_on = is_argument[static_cast<std::size_t>(it->result)] != 0;
-    if (may_hide || (leads_on && it->kind == kSeriesProduct && it->power > 1)) {
-      hiding_.push_back(*it);
-    }
-    if (!is_function && !leads_on) continue;
-    for (const int row : {it->a, it->b}) {
-      if (row >= 0) is_argument[static_cast<std::size_t>(row)] = 1;
-    }
-  }
-}
-
-bool SeriesProgram::haveArgumentsGoneFar(const double* from, const double* to) const {
-  for (const SeriesOperation& it : hiding_) {
-    const double a = from[it.a];
-    const double b = it.b < 0 ? a : from[it.b];
-    const double second = it.second < 0 ? a : from[it.second];
-    const double other = it.b < 0 ? 0.0 : std::abs(to[it.b] - b);
-    if (seriesHasGoneFar(&it, a, b, second, std::abs(to[it.a] - a), other) != 0) return true;
-  }
-  return false;
 }
 
 }  // namespace variator_sim::expression

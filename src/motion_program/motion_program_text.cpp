@@ -4,7 +4,6 @@
 #include <string>
 #include <vector>
 
-#include "expression/code_structure.h"
 #include "expression/series_dot.h"
 #include "expression/series_text.h"
 #include "machine_code/kernel_library.h"
@@ -16,9 +15,8 @@ namespace variator_sim {
 using expression::SeriesProgram;
 
 std::vector<int> MotionProgram::structure() const {
-  expression::CodeStructure made;
-  program_.addStructure(&made);
-  std::vector<int>& words = made.words;
+  std::vector<int> words;
+  program_.addStructure(&words);
 #define VARIATOR_SIM_ADD(name) words.push_back(name);
   VARIATOR_SIM_MOTION_SIZES(VARIATOR_SIM_ADD)
   VARIATOR_SIM_MOTION_EXTENTS(VARIATOR_SIM_ADD)

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "expression/code_structure.h"
 #include "motion_program/c_text.h"
 
 namespace variator_sim {
