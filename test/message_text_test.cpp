@@ -8,7 +8,6 @@
 #include "variator_sim/errors.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/io/command_file.h"
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/parameter_tree.h"
 
 namespace variator_sim {

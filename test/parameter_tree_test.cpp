@@ -7,8 +7,6 @@
 #include <functional>
 #include <limits>
 
-#include "variator_sim/nearest_name.h"
-
 namespace variator_sim {
 namespace {
 

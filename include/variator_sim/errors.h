@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "variator_sim/message_text.h"
 
@@ -34,6 +35,11 @@ class SceneError : public Error {
   std::string key_path_;
   std::string message_;
 };
+
+/// Returns the index of `name` in `allowed`. Throws SceneError at `path`, which says that the name
+/// `is_not` ("is not a shaft") and what is allowed.
+int placeOf(const std::string& name, const std::vector<std::string>& allowed,
+            const std::string& path, const std::string& is_not);
 
 /// Returns what `work` returns; its SceneErrors tell of `source`, a file, say, before their keys.
 template <class Work>

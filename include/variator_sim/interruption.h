@@ -3,6 +3,8 @@
 
 #include <functional>
 
+#include "variator_sim/errors.h"
+
 namespace variator_sim {
 
 /// While it exists, long work of its thread polls `is_wanted` and ends early once that is true:
@@ -21,5 +23,16 @@ class Interruption {
   const std::function<bool()> is_wanted_;
   const Interruption* const outer_;
 };
+
+/// The end of work that has no result before its end: reading a scene, deriving its formulas.
+class Interrupted : public Error {
+ public:
+  Interrupted() : Error("interrupted") {}
+};
+
+/// Throws Interrupted when work of the calling thread has to end now. Not for the stepping loop.
+inline void endIfInterrupted() {
+  if (Interruption::isWanted()) throw Interrupted();
+}
 
 }  // namespace variator_sim

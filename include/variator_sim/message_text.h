@@ -1,6 +1,8 @@
-/// Texts of messages: quotes of user text, short, and without characters that control a terminal.
+/// Texts of messages: quotes of user text, short, and without characters that control a terminal,
+/// and the names that were meant.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -33,5 +35,20 @@ std::string join(const std::vector<std::string>& words, const std::string& separ
 std::vector<std::string> splitAt(const std::string& text, char separator);
 /// Returns `text` with '_' in place of all but letters of ASCII and digits.
 std::string toIdentifier(std::string text);
+
+/// True when `values` has `value`.
+template <class Value, class Wanted>
+bool contains(const std::vector<Value>& values, const Wanted& value) {
+  return std::find(values.begin(), values.end(), value) != values.end();
+}
+
+/// Returns the candidate most like `name` (fewest edits: insertion, deletion, substitution, swap of
+/// neighbours; letter case counts half), or an empty string when none is near enough to be meant.
+std::string findNearestName(const std::string& name, const std::vector<std::string>& candidates);
+
+/// Returns " (did you mean 'x'?)" for the nearest candidate, or an empty string.
+std::string suggestName(const std::string& name, const std::vector<std::string>& candidates);
+/// Returns the same and "; allowed: x, y", or "; allowed: none".
+std::string suggestAmong(const std::string& name, const std::vector<std::string>& allowed);
 
 }  // namespace variator_sim

@@ -1,7 +1,6 @@
 /// The state of a motion: with the scene it determines the motion to come.
 #pragma once
 
-#include <limits>
 #include <vector>
 
 #include "variator_sim/command_input.h"

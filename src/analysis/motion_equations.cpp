@@ -6,8 +6,8 @@
 
 #include "analysis/decompositions.h"
 #include "model/formula_laws.h"
-#include "model/interrupted.h"
 #include "variator_sim/expression/state_derivatives.h"
+#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 

@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "motion/stop_message.h"
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {

@@ -6,12 +6,10 @@
 #include <cmath>
 #include <memory>
 #include <set>
-#include <stdexcept>
 #include <utility>
 
 #include "analysis/decompositions.h"
 #include "analysis/model_formulas.h"
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {

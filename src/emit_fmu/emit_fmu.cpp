@@ -1,6 +1,5 @@
 #include "emit_fmu/emit_fmu.h"
 
-#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <utility>
@@ -13,7 +12,6 @@
 #include "model/number_text.h"
 #include "motion_program/c_text.h"
 #include "variator_sim/motion_state.h"
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/units.h"
 
 namespace variator_sim {

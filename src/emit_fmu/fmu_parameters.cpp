@@ -5,7 +5,6 @@
 #include <exception>
 #include <map>
 #include <set>
-#include <utility>
 
 #include "model/number_text.h"
 #include "variator_sim/component_factory.h"

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <utility>
 
 #include "expression/opaque_slope.h"
-#include "model/interrupted.h"
+#include "variator_sim/interruption.h"
 
 namespace variator_sim::expression {
 

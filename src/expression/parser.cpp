@@ -20,7 +20,6 @@
 
 #include "formula_text.h"
 #include "function_table.h"
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/parameter_tree.h"
 
 namespace variator_sim::expression {
@@ -52,7 +51,6 @@ class Parser : private FormulaText {
     return value;
   }
   const std::set<std::string>& used() const { return used_; }
-
  private:
   // ----------------------------------------------------------------------------------------- rules
   Node sum() {

@@ -8,7 +8,6 @@
 #include "function_table.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim::expression {
 

@@ -1,10 +1,8 @@
 #include "expression/series_compiler.h"
 
-#include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <stdexcept>
-#include <utility>
 
 #include "variator_sim/expression/tape.h"
 

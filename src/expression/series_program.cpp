@@ -1,8 +1,6 @@
 #include "expression/series_program.h"
 
-#include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "expression/series_dot.h"
 

@@ -18,7 +18,6 @@
 
 #include "model/number_text.h"
 #include "text_file.h"
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {

@@ -5,10 +5,8 @@
 #include <cmath>
 #include <stdexcept>
 #include <utility>
-#include <vector>
 
 #include "expression/characters.h"
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {

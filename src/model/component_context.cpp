@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {

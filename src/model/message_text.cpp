@@ -1,11 +1,9 @@
 #include "variator_sim/message_text.h"
 
-#include <algorithm>
 #include <cctype>
 
 #include "expression/characters.h"
 #include "model/number_text.h"
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {

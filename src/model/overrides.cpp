@@ -6,8 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "variator_sim/nearest_name.h"
-
 namespace variator_sim {
 namespace {
 

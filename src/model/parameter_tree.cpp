@@ -6,10 +6,8 @@
 #include <charconv>
 #include <cmath>
 #include <system_error>
-#include <utility>
 
 #include "model/number_text.h"
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/units.h"
 
 namespace variator_sim {

@@ -8,7 +8,6 @@
 
 #include "io/text_file.h"
 #include "model/table_file.h"
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {

@@ -1,18 +1,15 @@
 #include "variator_sim/scene.h"
 
-#include <algorithm>
 #include <cmath>
 #include <exception>
 #include <iterator>
 #include <limits>
 #include <optional>
 #include <set>
-#include <utility>
 
-#include "model/interrupted.h"
 #include "model/scene_readers.h"
 #include "variator_sim/expression/parser.h"
-#include "variator_sim/nearest_name.h"
+#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 namespace {

@@ -10,7 +10,6 @@
 
 #include "model/scene_readers.h"
 #include "variator_sim/expression/tape.h"
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {

@@ -5,12 +5,11 @@
 #include <utility>
 
 #include "model/formula_laws.h"
-#include "model/interrupted.h"
 #include "model/scene_readers.h"
 #include "variator_sim/expression/guards.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
-#include "variator_sim/nearest_name.h"
+#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 

@@ -6,7 +6,6 @@
 #include "variator_sim/expression/guards.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {

@@ -1,10 +1,8 @@
-#include <algorithm>
 #include <map>
 #include <utility>
 
 #include "model/scene_readers.h"
 #include "variator_sim/expression/parser.h"
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {

@@ -1,11 +1,9 @@
-#include <algorithm>
 #include <map>
 #include <set>
 #include <utility>
 
 #include "expression/characters.h"
 #include "model/scene_readers.h"
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {

@@ -1,9 +1,6 @@
 #include "variator_sim/status.h"
 
-#include <cmath>
 #include <iterator>
-#include <string>
-#include <vector>
 
 #include "model/number_text.h"
 

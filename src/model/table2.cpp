@@ -1,10 +1,8 @@
 #include "variator_sim/table2.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "model/table_axis.h"
 

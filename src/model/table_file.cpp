@@ -6,7 +6,6 @@
 
 #include "io/text_file.h"
 #include "model/number_text.h"
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {

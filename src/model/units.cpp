@@ -4,12 +4,9 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <iterator>
 #include <system_error>
 #include <utility>
 #include <vector>
-
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {

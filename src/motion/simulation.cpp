@@ -8,10 +8,10 @@
 #include <utility>
 #include <vector>
 
-#include "model/interrupted.h"
 #include "motion/program_motion.h"
 #include "motion/stop_message.h"
 #include "variator_sim/errors.h"
+#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 

@@ -6,8 +6,6 @@
 
 #include <cmath>
 #include <stdexcept>
-#include <string>
-#include <vector>
 
 #include "python/trees.h"
 #include "tools/analysis_text.h"

@@ -10,7 +10,6 @@
 
 #include "tools/columns.h"
 #include "variator_sim/message_text.h"
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim::python {

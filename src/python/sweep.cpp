@@ -12,7 +12,6 @@
 #include <mutex>
 #include <new>
 #include <thread>
-#include <utility>
 
 #include "variator_sim/errors.h"
 #include "variator_sim/interruption.h"

@@ -1,12 +1,9 @@
 #include "ros/plugin_loader.h"
 
-#include <algorithm>
 #include <mutex>
 #include <pluginlib/class_loader.hpp>
 #include <stdexcept>
 #include <utility>
-
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {

@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <functional>
 #include <future>
-#include <stdexcept>
 #include <string>
 #include <thread>
 #include <utility>
@@ -17,7 +16,6 @@
 #include "variator_sim/interruption.h"
 #include "variator_sim/io/override_text.h"
 #include "variator_sim/io/yaml_tree.h"
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {

@@ -13,7 +13,6 @@
 
 #include "ros/nanoseconds.h"
 #include "variator_sim/interruption.h"
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {

@@ -1,10 +1,6 @@
 #include "tools/offline_run.h"
 
-#include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <cstdio>
-#include <limits>
 #include <stdexcept>
 
 #include "model/number_text.h"

@@ -4,8 +4,6 @@
 #include <map>
 #include <utility>
 
-#include "variator_sim/nearest_name.h"
-
 namespace variator_sim {
 
 using expression::Graph;

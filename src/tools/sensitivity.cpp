@@ -9,7 +9,6 @@
 #include "model/number_text.h"
 #include "motion_program/motion_program.h"
 #include "motion_program/tangent_steps.h"
-#include "variator_sim/nearest_name.h"
 #include "variator_sim/overrides.h"
 #include "variator_sim/simulation.h"
 

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "model/number_text.h"
-#include "variator_sim/nearest_name.h"
 
 namespace variator_sim {
 namespace {
