@@ -191,17 +191,12 @@ Node Graph::deriveFunction(Node node, Node da) {
     return da;
   }
   const Node a = operand(node, 0);
-  switch (entry(node).operation) {
-    case Operation::kAtan:
-    case Operation::kTanh:
-    case Operation::kExp:
-      da = insideLimit(a, da);
-      break;
-    default:
-      break;
-  }
+  const Operation operation = entry(node).operation;
+  const bool has_limit = operation == Operation::kAtan || operation == Operation::kTanh ||
+                         operation == Operation::kExp;
+  if (has_limit) da = insideLimit(a, da);
   const Node one = constant(1.0);
-  switch (entry(node).operation) {
+  switch (operation) {
     case Operation::kSin:  // cos(a) a'
       return product(make(Operation::kCos, a), da);
     case Operation::kCos:  // -sin(a) a'

@@ -31,8 +31,7 @@ constexpr Function kFunctions[] = {{"abs", 1, Operation::kAbs, ""},
                                    {"sinh", 1, Operation::kSinh, "\\sinh"},
                                    {"sqrt", 1, Operation::kSqrt, ""},
                                    {"tan", 1, Operation::kTan, "\\tan"},
-                                   {"tanh", 1, Operation::kTanh, "\\tanh"},
-                                   {"", 2, Operation::kWhereFinite, ""}};
+                                   {"tanh", 1, Operation::kTanh, "\\tanh"}};
 
 template <class Is>
 const Function* find(Is is) {
@@ -73,7 +72,6 @@ std::string explainForeignWord(const std::string& word) {
 std::vector<std::string> functionNames() {
   std::vector<std::string> names;
   for (const Function& function : kFunctions) names.emplace_back(function.name);
-  names.pop_back();  // no formula can call the last one
   return names;
 }
 

@@ -8,7 +8,7 @@
 namespace variator_sim::expression {
 
 struct Function {
-  const char* name;  ///< "" for one that formulas cannot call
+  const char* name;
   int argument_count;
   Operation operation;  ///< kConstant for `clamp`, which is made of two
   const char* latex;

@@ -172,7 +172,7 @@ Node Graph::substitute(Node node, const std::vector<Rate>& values) {
       operands[k] = made[static_cast<std::size_t>(it.operands[k])];
       is_same = is_same && operands[k].index == it.operands[k];
     }
-    if (!is_same) made[i] = remake(*this, it, operands);
+    if (!is_same) made[i] = remake(it, operands);
   }
   return made[static_cast<std::size_t>(node.index)];
 }

@@ -51,33 +51,29 @@ class Parser : private FormulaText {
     return value;
   }
   const std::set<std::string>& used() const { return used_; }
+
  private:
   // ----------------------------------------------------------------------------------------- rules
   Node sum() {
-    Node value = product();
-    for (;;) {
-      const std::size_t where = position_;
-      if (accept('+')) {
-        value = applyBinary(Operation::kAdd, value, product(), where);
-      } else if (accept('-')) {
-        value = applyBinary(Operation::kSubtract, value, product(), where);
-      } else {
-        return value;
-      }
-    }
+    return chain(&Parser::product, {'+', Operation::kAdd}, {'-', Operation::kSubtract});
+  }
+  Node product() {
+    return chain(&Parser::factor, {'*', Operation::kMultiply}, {'/', Operation::kDivide});
   }
 
-  Node product() {
-    Node value = factor();
+  struct Sign {
+    char sign;
+    Operation operation;
+  };
+  /// Reads what `next` reads, with one of two signs between.
+  Node chain(Node (Parser::*next)(), Sign one, Sign other) {
+    Node value = (this->*next)();
     for (;;) {
       const std::size_t where = position_;
-      if (accept('*')) {
-        value = applyBinary(Operation::kMultiply, value, factor(), where);
-      } else if (accept('/')) {
-        value = applyBinary(Operation::kDivide, value, factor(), where);
-      } else {
-        return value;
-      }
+      const bool is_one = accept(one.sign);
+      if (!is_one && !accept(other.sign)) return value;
+      const Operation operation = is_one ? one.operation : other.operation;
+      value = applyBinary(operation, value, (this->*next)(), where);
     }
   }
 

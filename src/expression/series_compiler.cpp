@@ -49,18 +49,20 @@ int SeriesCompiler::addRow(int degree, bool is_accelerated) {
   return static_cast<int>(made_.degree_.size()) - 1;
 }
 
+std::vector<int> SeriesCompiler::rowsReadBy(const Instruction& it) const {
+  std::vector<int> rows;
+  std::copy_if(std::begin(it.operands), std::end(it.operands), std::back_inserter(rows),
+               [](int row) { return row >= 0; });
+  for (int n = 0; it.code == Code::kLinear && n < it.aux[1]; ++n) {
+    rows.push_back(made_.terms_[static_cast<std::size_t>(it.aux[0] + n)].row);
+  }
+  return rows;
+}
+
 int SeriesCompiler::append(Instruction it, std::initializer_list<int*> results, int degree) {
-  bool is_accelerated = false;
-  for (const int operand : it.operands) {
-    is_accelerated = is_accelerated || (operand >= 0 && made_.isAccelerated(operand));
-  }
-  if (it.code == Code::kLinear) {
-    for (int n = 0; n < it.aux[1]; ++n) {
-      const int row =
-          made_.terms_[static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n)].row;
-      is_accelerated = is_accelerated || made_.isAccelerated(row);
-    }
-  }
+  const std::vector<int> read = rowsReadBy(it);
+  const bool is_accelerated =
+      std::any_of(read.begin(), read.end(), [&](int row) { return made_.isAccelerated(row); });
   it.result = addRow(degree, is_accelerated);
   made_.has_pole_.back() = mayHavePole(it);
   std::vector<int> written = {it.result};
@@ -76,17 +78,9 @@ bool SeriesCompiler::mayHavePole(const Instruction& it) const {
       it.code == Code::kLog) {
     return true;
   }
-  const auto has_pole = [&](int row) {
-    return row >= 0 && made_.has_pole_[static_cast<std::size_t>(row)];
-  };
-  bool found = std::any_of(std::begin(it.operands), std::end(it.operands), has_pole);
-  for (int n = 0; it.code == Code::kLinear && n < it.aux[1]; ++n) {
-    found =
-        found ||
-        has_pole(
-            made_.terms_[static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n)].row);
-  }
-  return found;
+  const std::vector<int> read = rowsReadBy(it);
+  return std::any_of(read.begin(), read.end(),
+                     [&](int row) { return made_.has_pole_[static_cast<std::size_t>(row)]; });
 }
 
 int SeriesCompiler::place(const Instruction& it, const std::vector<int>& written) {
@@ -269,17 +263,12 @@ void SeriesCompiler::findPlaces() {
 std::vector<bool> SeriesCompiler::findNeeded(std::vector<int> open) const {
   std::vector<bool> needed(made_.instructions_.size(), false);
   while (!open.empty()) {
-    const int row = open.back();
+    const int index = producer_[static_cast<std::size_t>(open.back())];
     open.pop_back();
-    const int index = row < 0 ? -1 : producer_[static_cast<std::size_t>(row)];
     if (index < 0 || needed[static_cast<std::size_t>(index)]) continue;
     needed[static_cast<std::size_t>(index)] = true;
-    const Instruction& it = made_.instructions_[static_cast<std::size_t>(index)];
-    open.insert(open.end(), std::begin(it.operands), std::end(it.operands));
-    for (int n = 0; it.code == Code::kLinear && n < it.aux[1]; ++n) {
-      open.push_back(
-          made_.terms_[static_cast<std::size_t>(it.aux[0]) + static_cast<std::size_t>(n)].row);
-    }
+    const std::vector<int> read = rowsReadBy(made_.instructions_[static_cast<std::size_t>(index)]);
+    open.insert(open.end(), read.begin(), read.end());
   }
   return needed;
 }

@@ -44,6 +44,7 @@ class SeriesCompiler {
   }
   /// Appends an instruction; the kind of its result follows from its operands.
   int append(Instruction it, std::initializer_list<int*> results, int degree);
+  std::vector<int> rowsReadBy(const Instruction& it) const;
   bool mayHavePole(const Instruction& it) const;
   /// Adds an instruction with existing rows; returns the row of its result.
   int place(const Instruction& it, const std::vector<int>& written);
@@ -90,7 +91,7 @@ class SeriesCompiler {
   int table(const Graph::Entry& entry, int a);
   int opaque(const Graph::Entry& entry, int a);
 
-  /// Marks the instructions that the rows in `open` follow from; -1 for no row.
+  /// Marks the instructions that the rows in `open` follow from.
   std::vector<bool> findNeeded(std::vector<int> open) const;
   /// Resolves the rows of the instructions.
   void findPlaces();

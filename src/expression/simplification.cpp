@@ -176,18 +176,14 @@ Node Graph::make(Operation operation, Node a, Node b, Node c, Node d) {
   }
 }
 
-Node Graph::remake(const Graph& source, const Entry& it, const Node (&operands)[4]) {
+Node Graph::remake(const Entry& it, const Node (&operands)[4]) {
   switch (it.operation) {
-    case Operation::kConstant:
-      return constant(it.value);
-    case Operation::kVariable:
-      return variable(it.slot);
     case Operation::kTable:
-      return table(source.tableOf(it), operands[0], it.order[0]);
+      return table(tableOf(it), operands[0], it.order[0]);
     case Operation::kTable2:
-      return table2(source.table2Of(it), operands[0], operands[1], {it.order[0], it.order[1]});
+      return table2(table2Of(it), operands[0], operands[1], {it.order[0], it.order[1]});
     case Operation::kOpaque:
-      return opaque(source.opaqueOf(it), operands, it.order[0]);
+      return opaque(opaqueOf(it), operands, it.order[0]);
     default:
       return make(it.operation, operands[0], operands[1], operands[2], operands[3]);
   }

@@ -75,6 +75,8 @@ std::string toLatex(const Term& term);
 /// Writes the terms of a sum with their signs, one by one ("a", "- b", "+ c"), for line breaks; one
 /// for any other term.
 std::vector<std::string> toLatexTerms(const Term& term);
+/// Escapes a text without formulas.
+std::string escapedLatex(const std::string& text);
 /// Writes the name of an element of a scene, upright, in LaTeX.
 std::string latexName(const std::string& name);
 

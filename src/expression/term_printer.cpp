@@ -291,15 +291,17 @@ std::vector<std::string> toLatexTerms(const Term& term) {
   return Printer(true).printTerms(term);
 }
 
-std::string latexName(const std::string& name) {
-  std::string escaped;
-  for (const char c : name) {
-    const bool is_special =
-        c == '_' || c == '%' || c == '&' || c == '#' || c == '$' || c == '{' || c == '}';
-    if (is_special) escaped += '\\';
-    escaped += c;
+std::string escapedLatex(const std::string& text) {
+  std::string latex;
+  for (const char c : text) {
+    if (std::string("_%&#${}").find(c) != std::string::npos) latex += '\\';
+    latex += c == '^' ? "\\^{}" : c == '~' ? "\\~{}" : c == '\\' ? "/" : std::string(1, c);
   }
-  return "\\mathrm{" + escaped + "}";
+  return latex;
+}
+
+std::string latexName(const std::string& name) {
+  return "\\mathrm{" + escapedLatex(name) + "}";
 }
 
 }  // namespace variator_sim::expression

@@ -190,14 +190,7 @@ std::string describePoints(const Table2& table) {
 }  // namespace
 
 Words plainWords(const std::string& text) {
-  std::string latex;
-  for (const char c : text) {
-    if (c == '_' || c == '%' || c == '&' || c == '#' || c == '$' || c == '{' || c == '}') {
-      latex += '\\';
-    }
-    latex += c == '^' ? "\\^{}" : c == '~' ? "\\~{}" : c == '\\' ? "/" : std::string(1, c);
-  }
-  return {text, latex};
+  return {text, expression::escapedLatex(text)};
 }
 
 Words shaftWords(const Scene& scene, const char* text, const char* latex, int shaft) {
@@ -206,16 +199,13 @@ Words shaftWords(const Scene& scene, const char* text, const char* latex, int sh
 }
 
 Words shaftWords(const Scene& scene, Source of, int shaft) {
-  switch (of) {
-    case Source::kAngle:
-      return shaftWords(scene, "phi", "\\varphi", shaft);
-    case Source::kVelocity:
-      return shaftWords(scene, "w", "\\omega", shaft);
-    case Source::kAcceleration:
-      return shaftWords(scene, "e", "\\varepsilon", shaft);
-    default:
-      return shaftWords(scene, "j", "\\eta", shaft);
-  }
+  static const std::map<Source, std::pair<const char*, const char*>> words = {
+      {Source::kAngle, {"phi", "\\varphi"}},
+      {Source::kVelocity, {"w", "\\omega"}},
+      {Source::kAcceleration, {"e", "\\varepsilon"}},
+      {Source::kJerk, {"j", "\\eta"}}};
+  const auto& [text, latex] = words.at(of);
+  return shaftWords(scene, text, latex, shaft);
 }
 
 Names nameThings(const Scene& scene) {

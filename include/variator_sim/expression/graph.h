@@ -116,8 +116,6 @@ class Graph {
   /// Makes any operation with operands, simplified as by the maker of its name. Unused operands are
   /// omitted: make(Operation::kSin, x). Not for tables and kOpaque.
   Node make(Operation operation, Node a, Node b = {}, Node c = {}, Node d = {});
-  /// Copies `entry` of the graph `source` to this graph, with these operands.
-  Node remake(const Graph& source, const Entry& entry, const Node (&operands)[4]);
 
   /// The exact partial derivative by the variable in `slot`. Kinks: |x|' = sign(x) x', the
   /// derivative of sign is 0, that of min and max is the active operand's (the first one's in a
@@ -151,9 +149,6 @@ class Graph {
     return hasNonFiniteConstant(std::vector<Node>{node});
   }
 
-  /// All tables, by index.
-  const std::vector<std::shared_ptr<const Table>>& tables() const { return tables_; }
-  const std::vector<std::shared_ptr<const Table2>>& tables2() const { return tables2_; }
   /// The table of an entry of kTable or kTable2.
   const std::shared_ptr<const Table>& tableOf(const Entry& entry) const {
     return tables_[static_cast<std::size_t>(entry.slot)];
@@ -211,6 +206,8 @@ class Graph {
   /// Tells whether one of `nodes` needs an entry of which `is` is true.
   template <class Is>
   bool anyReachable(const std::vector<Node>& nodes, Is is) const;
+  /// Makes the node of `entry` with other operands.
+  Node remake(const Entry& entry, const Node (&operands)[4]);
   Node intern(const Entry& entry);
   Node internOperation(Operation operation, Node a, Node b = {}, Node c = {}, Node d = {});
   Node operand(Node node, int position) const { return {entry(node).operands[position]}; }
