@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <cstdint>
 #include <filesystem>
 #include <set>
 #include <stdexcept>
@@ -13,7 +12,6 @@
 #include "expression/series_text.h"
 #include "io/text_file.h"
 #include "io/whole_file.h"
-#include "model/number_text.h"
 #include "motion_program/c_text.h"
 #include "motion_program/motion_program.h"
 #include "variator_sim/errors.h"
@@ -23,10 +21,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string numberOf(double value) {
-  return formatReal(value);
-}
-
 std::string holdOf(const CommandInputSettings& input) {
   std::string text = toString(input.hold);
   switch (input.hold) {
@@ -34,18 +28,18 @@ std::string holdOf(const CommandInputSettings& input) {
       break;
     case Hold::kFirstOrderLag:
     case Hold::kSecondOrderLag:
-      text += ", " + numberOf(input.time_constant) + " s";
+      text += ", " + formatReal(input.time_constant) + " s";
       break;
     case Hold::kRateLimit:
-      text += ", " + numberOf(input.rate) + " per s";
+      text += ", " + formatReal(input.rate) + " per s";
       break;
     case Hold::kFirstOrderHold:
-      text += ", " + numberOf(input.period) + " s";
+      text += ", " + formatReal(input.period) + " s";
       break;
   }
   if (input.timeout > 0.0) {
     text += std::string("; ") + (input.on_timeout == OnTimeout::kZero ? "0" : "held") + " after " +
-            numberOf(input.timeout) + " s without a command";
+            formatReal(input.timeout) + " s without a command";
   }
   return text;
 }
@@ -64,8 +58,8 @@ std::string tablesOf(const Scene& scene) {
   for (const CommandInputSettings& input : scene.inputs) {
     const int own = index++;
     if (!takes_commands(input)) continue;
-    text += "| " + std::to_string(own) + " | " + input.topic + " | " + numberOf(input.initial) +
-            " | " + numberOf(input.minimum) + " .. " + numberOf(input.maximum) + " | " +
+    text += "| " + std::to_string(own) + " | " + input.topic + " | " + formatReal(input.initial) +
+            " | " + formatReal(input.minimum) + " .. " + formatReal(input.maximum) + " | " +
             holdOf(input) + " |\n";
   }
   index = 0;
@@ -276,18 +270,12 @@ class Emission {
 
 }  // namespace
 
-std::string checksumOf(const std::string& text) {
-  std::uint64_t hash = 14695981039346656037ULL;  // FNV-1a
-  for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
-  return printed("%016llx", static_cast<unsigned long long>(hash));
-}
-
 std::string writeReadme(const Scene& scene, const std::string& name, const std::string& title) {
   // (Names from the scene are not replaced: one may contain the placeholder of the scene's name.)
   const auto complete = [&](std::string text) {
     replaceAll(text, "scene_@", name);
-    replaceAll(text, "@RELATIVE@", numberOf(scene.solver.relative_tolerance));
-    replaceAll(text, "@ABSOLUTE@", numberOf(scene.solver.absolute_tolerance));
+    replaceAll(text, "@RELATIVE@", formatReal(scene.solver.relative_tolerance));
+    replaceAll(text, "@ABSOLUTE@", formatReal(scene.solver.absolute_tolerance));
     return withName(text, name);
   };
   return "# " + name + "\n\nWritten by `simulate --emit-c` from " + title + ".\n" + complete(kUse) +

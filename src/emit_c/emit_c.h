@@ -28,9 +28,6 @@ EmittedScene emitScene(Simulation& simulation, const std::string& name, const st
 std::string writeReadme(const Scene& scene, const std::string& name, const std::string& title);
 std::string writeMakefile(const std::string& name);
 
-/// Returns a checksum of a text in 16 hexadecimal digits.
-std::string checksumOf(const std::string& text);
-
 /// Writes files to `directory`, which is made if it is missing. Each file ends with a checksum of
 /// its text; an existing file without it is a user's, and rejected before any file is written.
 /// Throws std::runtime_error.

@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
-#include "emit_c/emit_c.h"
 #include "emit_fmu/fmu_parameters.h"
 #include "expression/series_dot.h"
 #include "expression/series_text.h"
+#include "io/text_file.h"
 #include "model/number_text.h"
 #include "motion_program/c_text.h"
 #include "variator_sim/motion_state.h"

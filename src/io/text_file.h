@@ -1,10 +1,13 @@
 #pragma once
 
 #include <cerrno>
+#include <cstdint>
 #include <fstream>
 #include <limits>
 #include <string>
 #include <system_error>
+
+#include "model/number_text.h"
 
 namespace variator_sim {
 
@@ -22,6 +25,13 @@ inline std::string readTextFile(const std::string& path, std::string* text,
   }
   if (file.eof() && !file.bad()) return "";
   return errno != 0 ? std::generic_category().message(errno) : "unknown cause";
+}
+
+/// Returns a checksum of a text in 16 hexadecimal digits (FNV-1a).
+inline std::string checksumOf(const std::string& text,
+                              std::uint64_t hash = 14695981039346656037ULL) {
+  for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
+  return printed("%016llx", static_cast<unsigned long long>(hash));
 }
 
 }  // namespace variator_sim

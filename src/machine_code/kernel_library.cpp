@@ -12,8 +12,6 @@
 #include <chrono>
 #include <climits>
 #include <csignal>
-#include <cstdint>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
@@ -23,6 +21,7 @@
 #include <utility>
 #include <vector>
 
+#include "io/text_file.h"
 #include "variator_sim/interruption.h"
 
 namespace variator_sim {
@@ -48,25 +47,14 @@ constexpr int kPatience = 5;
 constexpr int kLongPatience = 600;
 constexpr const char* kNotYet = "it is not in the cache yet";
 
-std::uint64_t mix(std::uint64_t hash, const std::string& text) {
-  // FNV-1a
-  for (const char c : text) {
-    hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
-  }
-  return hash;
-}
-
 std::string sumOf(const std::string& text) {
-  char digits[40];
-  std::snprintf(digits, sizeof digits, "%016llx%016llx",
-                static_cast<unsigned long long>(mix(14695981039346656037ULL, text)),
-                static_cast<unsigned long long>(mix(0x9e3779b97f4a7c15ULL, text)));
-  return digits;
+  return checksumOf(text) + checksumOf(text, 0x9e3779b97f4a7c15ULL);
 }
 
 std::string readAll(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  std::string text;
+  readTextFile(path, &text);
+  return text;
 }
 
 std::string findCompiler() {
