@@ -293,7 +293,7 @@ class PythonSimulation {
     std::unique_ptr<Sensitivity> by;
     move([&] {
       if (!gradient.empty()) {
-        by = std::make_unique<Sensitivity>(tree_, readTree, gradient,
+        by = std::make_unique<Sensitivity>(tree_, readSceneWithPlugins, gradient,
                                            resolveCommands(request.commands, scene(), "commands"));
         request.columns.derivatives = by->names();
       }
@@ -326,14 +326,10 @@ class PythonSimulation {
   }
 
  private:
-  static Scene readTree(const ParameterTree& tree) {
-    PluginlibComponentFactory factory;
-    return readScene(tree, factory, nodeNames());
-  }
   static Simulation load(const ParameterTree& tree, bool energy) {
     std::unique_ptr<Simulation> simulation;
     withoutLock([&] {
-      simulation = std::make_unique<Simulation>(readTree(tree));
+      simulation = std::make_unique<Simulation>(readSceneWithPlugins(tree));
       simulation->trackEnergy(energy);
       simulation->loadMachineCode(simulation->scene().solver.machine_code == MachineCode::kAlways);
     });

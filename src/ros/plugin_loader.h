@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "variator_sim/component_factory.h"
+#include "variator_sim/scene.h"
 
 namespace variator_sim {
 
@@ -33,5 +33,11 @@ class PluginlibComponentFactory : public ComponentFactory {
   BuiltinComponentFactory builtin_;
   std::shared_ptr<Loaders> loaders_;
 };
+
+/// Reads a whole scene with the components of all packages. Throws SceneError.
+inline Scene readSceneWithPlugins(const ParameterTree& tree) {
+  PluginlibComponentFactory factory;
+  return readScene(tree, factory, nodeNames());
+}
 
 }  // namespace variator_sim

@@ -134,8 +134,7 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     findFiles(&tree);
     loadParts(&tree);
     const NodeSettings settings = readNodeSettings(tree);
-    PluginlibComponentFactory factory;
-    Simulation simulation(readScene(tree, factory, nodeNames()));
+    Simulation simulation(readSceneWithPlugins(tree));
     for (const std::string& warning : simulation.scene().warnings) {
       ROS_WARN("%s: %s", name_space.c_str(), warning.c_str());
     }

@@ -26,7 +26,6 @@
 #include "variator_sim/io/command_file.h"
 #include "variator_sim/io/override_text.h"
 #include "variator_sim/io/yaml_tree.h"
-#include "variator_sim/node_names.h"
 
 namespace variator_sim {
 namespace {
@@ -76,11 +75,6 @@ std::vector<ResolvedCommand> readCommands(const SimulateOptions& options, const 
   return resolveCommands(readCommandFile(options.commands_path), scene, options.commands_path);
 }
 
-Scene readTree(const ParameterTree& tree) {
-  PluginlibComponentFactory factory;
-  return readScene(tree, factory, nodeNames());
-}
-
 /// Returns what `use` makes of the scene's tree; faults name their source.
 template <class Use>
 auto useTree(const SimulateOptions& options, const Use& use) {
@@ -95,7 +89,8 @@ auto useTree(const SimulateOptions& options, const Use& use) {
 }
 
 Simulation loadSimulation(const SimulateOptions& options) {
-  return useTree(options, [](const ParameterTree& tree) { return Simulation(readTree(tree)); });
+  return useTree(options,
+                 [](const ParameterTree& tree) { return Simulation(readSceneWithPlugins(tree)); });
 }
 
 /// Chooses machine code for the scene's formulas: from the cache, or compiled if the scene requires
@@ -336,7 +331,7 @@ int runChecked(Simulation& simulation, OfflineRun& offline_run, const SimulateOp
 int runDifferentiated(Simulation& simulation, OfflineRun& offline_run,
                       const SimulateOptions& options, const Span& span) {
   Sensitivity sensitivity = useTree(options, [&](const ParameterTree& tree) {
-    return Sensitivity(tree, readTree, options.sensitivity, offline_run.commands());
+    return Sensitivity(tree, readSceneWithPlugins, options.sensitivity, offline_run.commands());
   });
   ColumnGroups columns = options.columns;
   columns.derivatives = sensitivity.names();
