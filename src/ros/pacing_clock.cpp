@@ -22,14 +22,6 @@ void SteadyClock::sleepUntil(std::int64_t deadline) {
   }
 }
 
-void SteadyClock::waitUntil(std::int64_t deadline) {
-  if (deadline == kForever) {
-    woken_.wait();
-  } else {
-    woken_.waitUntil(deadline);
-  }
-}
-
 bool FollowedClock::set(std::int64_t time) {
   const bool started = started_.load(std::memory_order_relaxed);
   if (!started && time == 0) return false;
@@ -44,10 +36,8 @@ bool FollowedClock::set(std::int64_t time) {
 
 void FollowedClock::waitUntil(std::int64_t deadline) {
   awaited_.store(deadline);
-  if (deadline == kForever) {
-    woken_.wait();
-  } else if (time_.load() < deadline) {
-    woken_.waitUntil(steady_.now() + kLongestWait);
+  if (time_.load() < deadline) {
+    woken_.waitUntil(deadline == kForever ? kForever : steady_.now() + kLongestWait);
   }
   awaited_.store(kForever);
 }

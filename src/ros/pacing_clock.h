@@ -43,7 +43,7 @@ class SteadyClock : public PacingClock {
   void prepareThread() override;
   std::int64_t now() override;
   void sleepUntil(std::int64_t deadline) override;
-  void waitUntil(std::int64_t deadline) override;
+  void waitUntil(std::int64_t deadline) override { woken_.waitUntil(deadline); }
   void wake() override { woken_.post(); }
 
  private:

@@ -24,11 +24,6 @@ class Semaphore {
   /// [loop]
   void post() { sem_post(&semaphore_); }
 
-  void wait() {
-    while (sem_wait(&semaphore_) != 0 && errno == EINTR) {
-    }
-  }
-
   /// Waits for a post or `deadline`, ns on CLOCK_MONOTONIC. Returns true when posted.
   bool waitUntil(std::int64_t deadline) {
     const timespec time = toTimespec(deadline);
