@@ -196,9 +196,8 @@ RunRows run(Simulation& simulation, const RunRequest& request, Sensitivity* sens
   const RowMaker maker(simulation, request.columns);
   SampleBlock samples;
   samples.samples.reserve(OfflineRun::kBlockSize);
-  constexpr double kNoEnd = std::numeric_limits<double>::infinity();
   for (bool more = true; more && !Interruption::isWanted();) {
-    more = offline.advanceBlock(kNoEnd, samples);
+    more = offline.advanceBlock(kNever, samples);
     const double* quantities = samples.quantities.data();
     for (const Sample& sample : samples.samples) {
       rows.values.resize(rows.values.size() + maker.columnCount());

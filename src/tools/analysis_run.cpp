@@ -101,7 +101,7 @@ bool reachPoint(Simulation& simulation, const std::vector<ResolvedCommand>& comm
   } else if (readWhole(options.at, &time)) {
     if (!(time >= 0.0) || !std::isfinite(time)) throw UsageError("--at: must be at least 0 s");
     SampleBlock none;
-    runTo(time).advanceBlock(std::numeric_limits<double>::infinity(), none);
+    runTo(time).advanceBlock(kNever, none);
     simulation.sample();
     if (!simulation.status().ok() || simulation.time() < time) return tell("");
   } else if (isInline(options.at)) {
@@ -130,12 +130,6 @@ TrimChoice readChoice(const std::string& option, const std::string& text, bool n
   return choice;
 }
 
-/// Converts a model's CSV to the content of a file with this ending; an empty text only checks that
-/// the conversion is possible. Throws OutputError.
-std::string convertModel(const std::string& csv, const std::string& ending) {
-  return runPythonFile("linear_model_files.py", ending, csv);
-}
-
 std::string asComment(const std::string& text) {
   std::string commented = "# ";
   for (std::size_t n = 0; n < text.size(); ++n) {
@@ -150,16 +144,19 @@ std::string asComment(const std::string& text) {
 bool runLinearize(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
                   const SimulateOptions& options) {
   const std::string& path = options.output_path;
-  // An invalid path or a missing library is reported before the run.
   const std::string ending = path.empty() ? "" : endingOfModel(path);
   const bool converts = ending == ".npz" || ending == ".mat";
-  if (converts) convertModel("", ending);
+  const auto convert = [&](const std::string& csv) {
+    return runPythonFile("linear_model_files.py", ending, csv);
+  };
+  // A missing library is reported before the run.
+  if (converts) convert("");
   OperatingPoint point;
   if (!reachPoint(simulation, commands, options, &point)) return false;
   const LinearModel model =
       linearize(simulation.scene(), point, options.full ? LinearForm::kFull : LinearForm::kMinimal);
   const std::string csv = writeModel(model);
-  if (!path.empty()) writeOutput(path, converts ? convertModel(csv, ending) : csv);
+  if (!path.empty()) writeOutput(path, converts ? convert(csv) : csv);
   writeOutput("", describeModel(model, path.empty()));
   return true;
 }
@@ -188,8 +185,6 @@ bool runTrim(const Scene& scene, const SimulateOptions& options) {
   writeOutput(options.output_path, text);
   return true;
 }
-
-namespace {}  // namespace
 
 // --- the minimum ---------------------------------------------------------------------------------
 
@@ -285,7 +280,7 @@ bool runBeside(const std::string& name, Scene scene, const std::vector<ResolvedC
       makeCsvWriter(path.substr(0, dot) + "_" + name + path.substr(dot), simulation, {});
   SampleBlock block;
   for (bool more = true; more && !Interruption::isWanted();) {
-    more = run.advanceBlock(std::numeric_limits<double>::infinity(), block);
+    more = run.advanceBlock(kNever, block);
     if (!block.samples.empty()) writer->write(block);
   }
   writer->close();

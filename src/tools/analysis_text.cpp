@@ -121,7 +121,7 @@ std::string describeModel(const LinearModel& model, bool with_matrices) {
 }
 
 std::string endingOfModel(const std::string& path) {
-  std::string ending = path.substr(std::min(path.rfind('.'), path.size()));
+  const std::string ending = endingOf(path);
   if (ending == ".csv" || ending == ".npz" || ending == ".mat") return ending;
   throw UsageError("'" + path + "' ends neither with .csv nor with .npz nor with .mat");
 }

@@ -37,7 +37,7 @@ class BagWriter : public SampleWriter {
   }
   ~BagWriter() override {
     try {
-      if (bag_ != nullptr) finish();
+      if (bag_ != nullptr) BagWriter::close();
     } catch (const OutputError&) {
       // The caller already reports an earlier error.
     }
@@ -53,13 +53,11 @@ class BagWriter : public SampleWriter {
     });
   }
 
-  void close() override { finish(); }
-
- private:
-  void finish() {
+  void close() override {
     guard([&] { bag_->close(); });
   }
 
+ private:
   void writeSample(const Sample& sample, const double* quantities) {
     const ros::Time stamp = stampOf(sample.time);
     // A bag accepts no entry at time 0; the message's own stamp keeps it.

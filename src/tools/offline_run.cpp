@@ -8,11 +8,6 @@
 #include "variator_sim/interruption.h"
 
 namespace variator_sim {
-namespace {
-
-constexpr double kNever = std::numeric_limits<double>::infinity();
-
-}  // namespace
 
 std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& commands,
                                              const Scene& scene, const std::string& path) {
@@ -66,11 +61,7 @@ std::string writeEvents(const std::vector<ModeEvent>& events, const Scene& scene
 
 OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
                        std::vector<ResolvedCommand> commands, double end)
-    : simulation_(simulation),
-      times_(std::move(times)),
-      commands_(std::move(commands)),
-      end_(end),
-      save_time_(kNever) {
+    : simulation_(simulation), times_(std::move(times)), commands_(std::move(commands)), end_(end) {
   const auto first_after = [this](double time) {
     return std::find_if(commands_.begin(), commands_.end(),
                         [time](const ResolvedCommand& command) { return command.time > time; });
@@ -79,8 +70,7 @@ OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
   ignored_count_ = static_cast<std::size_t>(commands_.end() - first_ignored);
   commands_.erase(first_ignored, commands_.end());
   // A command at the beginning may have been applied already; applying it twice has no effect.
-  const auto first =
-      first_after(std::nextafter(simulation.time(), -std::numeric_limits<double>::infinity()));
+  const auto first = first_after(std::nextafter(simulation.time(), -kNever));
   past_count_ = static_cast<std::size_t>(first - commands_.begin());
   commands_.erase(commands_.begin(), first);
 }
@@ -126,19 +116,15 @@ void OfflineRun::addSample(SampleBlock& block) {
   if (!simulation_.status().ok()) return;  // a failed jump
   block.samples.push_back(taken);
   if (look_) look_(taken);
+  const auto make_room = [&block](const std::vector<std::string>& names) {
+    block.quantities.resize(block.quantities.size() + names.size());
+    return block.quantities.data() + block.quantities.size() - names.size();
+  };
   for (const QuantityGroup group : groups_) {
-    const std::size_t begin = block.quantities.size();
-    block.quantities.resize(begin + simulation_.quantityNames(group).size());
-    simulation_.calcQuantities(group, block.quantities.data() + begin);
+    simulation_.calcQuantities(group, make_room(simulation_.quantityNames(group)));
   }
   if (sensitivity_ == nullptr) return;
-  const std::size_t begin = block.quantities.size();
-  block.quantities.resize(begin + sensitivity_->names().size());
-  sensitivity_->calc(simulation_, block.quantities.data() + begin);
-}
-
-double OfflineRun::nextEvent() const {
-  return std::min(has_state_ ? kNever : save_time_, rest_.nextLook());
+  sensitivity_->calc(simulation_, make_room(sensitivity_->names()));
 }
 
 void OfflineRun::serveEvents() {
@@ -162,7 +148,9 @@ bool OfflineRun::advanceBlock(double span, SampleBlock& block) {
   while (block.samples.size() < kBlockSize && !Interruption::isWanted()) {
     const double command_time =
         next_command_ < commands_.size() ? commands_[next_command_].time : kNever;
-    const double next = std::min({times_.current(), command_time, nextEvent(), end_});
+    const double save_time = has_state_ ? kNever : save_time_;
+    const double next =
+        std::min({times_.current(), command_time, save_time, rest_.nextLook(), end_});
     if (next > block_end) return reach(block_end);
     if (!reach(next)) return false;
     applyCommands();

@@ -43,6 +43,8 @@ struct SampleBlock {
   std::vector<double> quantities;  ///< sample after sample, within it group after group
 };
 
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
 /// A walk over ascending instants; it never holds a rate's instants in memory.
 class SampleTimes {
  public:
@@ -85,8 +87,6 @@ class SampleTimes {
   }
 
  private:
-  static constexpr double kNever = std::numeric_limits<double>::infinity();
-
   SampleTimes() = default;
 
   void takeInstant() { current_ = index_ < instants_.size() ? instants_[index_++] : kNever; }
@@ -138,8 +138,6 @@ class RestWatch {
   }
 
  private:
-  static constexpr double kNever = std::numeric_limits<double>::infinity();
-
   bool isSteady(Simulation& simulation) {
     states_.resize(simulation.scene().states.size(), kNever);
     const std::vector<double> before = states_;
@@ -216,8 +214,7 @@ class OfflineRun {
   bool reach(double time);
   void takeEvents();
   void applyCommands();
-  /// Next instant due beside commands and samples.
-  double nextEvent() const;
+  /// Looks for rest and saves the state where these are due.
   void serveEvents();
   void takeSample(SampleBlock& block);
   void addSample(SampleBlock& block);
@@ -226,7 +223,7 @@ class OfflineRun {
   SampleTimes times_;
   std::vector<ResolvedCommand> commands_;
   double end_;
-  double save_time_;
+  double save_time_ = kNever;
   bool has_state_ = false;
   MotionState state_;
   RestWatch rest_;

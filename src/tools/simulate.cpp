@@ -253,7 +253,7 @@ Span spanOf(const SimulateOptions& options, double begin) {
     throw UsageError(option + (": " + formatNumber(time)) + " s is outside of the run, from " +
                      formatNumber(span.begin) + " to " + formatNumber(span.end) + " s");
   };
-  if (options.has_times) {
+  if (!options.times.empty()) {
     check("--times", options.times.front());
     check("--times", options.times.back());
   }
@@ -348,7 +348,7 @@ int runSamples(Simulation& simulation, const SimulateOptions& options) {
   simulation.estimateErrors(options.columns.errors);
   if (!options.from_state_path.empty()) readStateFile(options.from_state_path, simulation);
   const Span span = spanOf(options, simulation.time());
-  const SampleTimes times = options.has_times
+  const SampleTimes times = !options.times.empty()
                                 ? SampleTimes::at(options.times)
                                 : SampleTimes::atRate(options.rate, span.begin, span.end);
   std::vector<ResolvedCommand> commands = readCommands(options, simulation.scene());

@@ -40,14 +40,9 @@ std::vector<double> readTimes(const std::string& word) {
   return times;
 }
 
-bool endsWith(const std::string& text, const std::string& ending) {
-  return text.size() >= ending.size() &&
-         text.compare(text.size() - ending.size(), ending.size(), ending) == 0;
-}
-
 OutputFormat formatOf(const std::string& path) {
-  if (path.empty() || endsWith(path, ".csv")) return OutputFormat::kCsv;
-  if (endsWith(path, ".bag")) return OutputFormat::kBag;
+  if (path.empty() || endingOf(path) == ".csv") return OutputFormat::kCsv;
+  if (endingOf(path) == ".bag") return OutputFormat::kBag;
   throw UsageError("--output: " + inQuotes(path) + " ends neither with .csv nor with .bag");
 }
 
@@ -175,7 +170,6 @@ void refuseOverwriting(const SimulateOptions& options) {
 /// Checks combinations of options and fills in derived values.
 void completeOptions(const OptionParser& given, SimulateOptions& options) {
   options.has_duration = given.has("--duration");
-  options.has_times = given.has("--times");
   options.has_save_time = given.has("--save-at");
   if (options.duration < 0.0) throw UsageError("--duration: must be at least 0 s");
   if (options.rate <= 0.0) throw UsageError("--rate: must be above 0 Hz");
@@ -183,15 +177,15 @@ void completeOptions(const OptionParser& given, SimulateOptions& options) {
   checkModes(given);
   const bool writes_program = !options.emit_c_path.empty() || !options.emit_fmu_path.empty();
   if (options.explain || options.linearize || options.trim || writes_program) return;
-  if (options.has_times && given.has("--rate")) {
+  if (!options.times.empty() && given.has("--rate")) {
     throw UsageError("--rate and --times exclude each other");
   }
   if (!options.has_duration && !options.compile) {
-    if (!options.has_times) throw UsageError("--duration is missing");
+    if (options.times.empty()) throw UsageError("--duration is missing");
     options.duration = options.times.back();
   }
   const bool begins_at_zero = options.from_state_path.empty();
-  if (begins_at_zero && options.has_times && options.times.back() > options.duration) {
+  if (begins_at_zero && !options.times.empty() && options.times.back() > options.duration) {
     throw UsageError("--times: the last one lies after the --duration");
   }
   if (options.has_save_time && options.save_state_path.empty()) {
@@ -201,7 +195,7 @@ void completeOptions(const OptionParser& given, SimulateOptions& options) {
     throw UsageError("--until-rest needs a --duration, after which it gives up");
   }
   options.format = formatOf(options.output_path);
-  if (options.compare_principles && !endsWith(options.output_path, ".csv")) {
+  if (options.compare_principles && endingOf(options.output_path) != ".csv") {
     throw UsageError("--compare-principles needs an --output FILE.csv");
   }
   if (!options.sensitivity.empty() && options.format == OutputFormat::kBag) {

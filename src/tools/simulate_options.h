@@ -1,6 +1,7 @@
 /// The command line of `simulate`.
 #pragma once
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -25,8 +26,7 @@ struct SimulateOptions {
   std::vector<std::string> overrides;  ///< of the scene's values: PATH=VALUE, in order
   double duration = 0.0;               ///< s
   double rate = 100.0;                 ///< samples per second; unused when `times` are given
-  bool has_times = false;              ///< `times` replace the rate
-  std::vector<double> times;           ///< s, ascending, the last one at most `duration`
+  std::vector<double> times;  ///< s, ascending, the last one at most `duration`; empty: rate
   bool has_duration = false;
   bool until_rest = false;      ///< the run ends sooner, when the motion comes to rest
   std::string from_state_path;  ///< empty: the scene's start
@@ -59,6 +59,11 @@ struct SimulateOptions {
 
 /// Reads the words after the program's name. Throws UsageError.
 SimulateOptions parseSimulateOptions(const std::vector<std::string>& words);
+
+/// Returns the end of a path from its last dot on.
+inline std::string endingOf(const std::string& path) {
+  return path.substr(std::min(path.rfind('.'), path.size()));
+}
 
 /// Returns the text of --help.
 const char* simulateHelp();
