@@ -98,12 +98,8 @@ class CommandSignal {
     double start, target, slope, inverse_tau, linear, since, end;
   };
   Closed closed() const {
-    const int form = form_ == Form::kConstant      ? 0
-                     : form_ == Form::kRamp        ? 1
-                     : form_ == Form::kExponential ? 2
-                                                   : 3;
-    return {form,    start_value_, target_,     slope_, inverse_time_constant_,
-            linear_, start_time_,  segment_end_};
+    return {static_cast<int>(form_), start_value_, target_,     slope_,
+            inverse_time_constant_,  linear_,      start_time_, segment_end_};
   }
   /// True when u' = 0 for good: the input costs nothing per stage.
   bool isConstant() const { return form_ == Form::kConstant; }
@@ -120,7 +116,7 @@ class CommandSignal {
   /// returns how long it takes, s; 0: the constant u of a jump.
   double setForm(const CommandInputSettings& settings);
 
-  enum class Form { kConstant, kExponential, kRamp, kCritical };
+  enum class Form { kConstant, kRamp, kExponential, kCritical };  ///< numbered as in Closed
   Form form_ = Form::kConstant;
   double start_time_ = 0.0;
   double start_value_ = 0.0;
