@@ -72,9 +72,7 @@ MotionEquations::MotionEquations(const Scene& scene, const std::vector<int>& mod
   layout_.S = scene.shaftCount();
   layout_.k = scene.constraintCount();
   layout_.U = scene.inputCount();
-  std::set<int> inputs;
-  for (int i = 0; i < layout_.U; ++i) inputs.insert(i);
-  rates_ = expression::ratesOf(graph_, layout_.S, inputs);
+  rates_ = ratesOfAll(graph_, scene);
   for (int i = 0; i < layout_.S; ++i) {
     rates_.emplace_back(layout_.slot(layout_.acceleration(i)), variable(layout_.jerk(i)));
   }

@@ -37,6 +37,14 @@ inline std::vector<expression::Node> sumTorques(
   return sums;
 }
 
+/// The rates of all variables but accelerations.
+inline std::vector<expression::Graph::Rate> ratesOfAll(expression::Graph& graph,
+                                                       const Scene& scene) {
+  std::set<int> inputs;
+  for (int i = 0; i < scene.inputCount(); ++i) inputs.insert(i);
+  return expression::ratesOf(graph, scene.shaftCount(), inputs);
+}
+
 /// psi, f' of order 1, c0 of order 3.
 inline expression::Node residualOf(const Constraint& constraint) {
   return constraint.order() == 3 ? constraint.row().back() : constraint.secondOrder();
@@ -90,11 +98,10 @@ class GeneralInertia {
  public:
   /// `graph`: the scene's, or a copy of it; has to outlive this.
   GeneralInertia(expression::Graph& graph, const Scene& scene)
-      : graph_(graph), J_(scene.inertia_formulas), S(scene.shaftCount()) {
-    std::set<int> inputs;
-    for (int i = 0; i < scene.inputCount(); ++i) inputs.insert(i);
-    rates_ = expression::ratesOf(graph, S, inputs);
-  }
+      : graph_(graph),
+        J_(scene.inertia_formulas),
+        S(scene.shaftCount()),
+        rates_(ratesOfAll(graph, scene)) {}
   expression::Node entry(int i, int j) const { return J_.data()[S * i + j]; }
   expression::Node inertialTorque(int i) const {
     expression::Node sum = graph_.constant(0.0);

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <functional>
 #include <memory>
-#include <set>
 #include <utility>
 
 #include "model/formula_laws.h"
@@ -44,11 +43,8 @@ class Reactions {
       : scene_(*scene),
         graph_(*scene->graph),
         knows_rates_(knows_rates),
-        shafts_(scene->shaftCount()) {
-    std::set<int> inputs;
-    for (int i = 0; i < scene_.inputCount(); ++i) inputs.insert(i);
-    rates_ = expression::ratesOf(graph_, shafts_, inputs);
-  }
+        shafts_(scene->shaftCount()),
+        rates_(ratesOfAll(graph_, scene_)) {}
 
   Node reaction(int i) {
     collect("R_" + scene_.shafts[at(i)]);
