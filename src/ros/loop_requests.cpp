@@ -1,6 +1,7 @@
 // Requests of other threads: their way to the stepping loop, and its answers.
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
@@ -30,23 +31,16 @@ void checkTime(double time) {
 }  // namespace
 
 std::string LoopAnswer::describeFault() const {
-  switch (result) {
-    case RequestResult::kDone:
-      break;
-    case RequestResult::kNotPaused:
-      return "the simulation is running: pause first (~pause), then ~step";
-    case RequestResult::kStopped:
-      return "the motion has stopped; call ~reset first. " + message;
-    case RequestResult::kRefused:
-      return message;
-    case RequestResult::kInterrupted:
-      return "~pause has ended the step on its way, at the state returned";
-    case RequestResult::kTimeExhausted:
-      return "simulated time has come to the end of its range; call ~reset_time";
-    case RequestResult::kShutDown:
-      return "the node is shutting down";
-  }
-  return "";
+  constexpr const char* kFaults[] = {
+      "",
+      "the simulation is running: pause first (~pause), then ~step",
+      "the motion has stopped; call ~reset first. ",
+      "",
+      "~pause has ended the step on its way, at the state returned",
+      "simulated time has come to the end of its range; call ~reset_time",
+      "the node is shutting down"};
+  static_assert(std::size(kFaults) == static_cast<std::size_t>(RequestResult::kShutDown) + 1);
+  return kFaults[static_cast<std::size_t>(result)] + message;
 }
 
 std::string readCommands(const std::vector<CommandInputSettings>& inputs,
