@@ -73,15 +73,10 @@ std::vector<Shown> listShown(const Scene& scene) {
   return made;
 }
 
-std::vector<Node> nodesOf(const std::vector<Shown>& shown) {
-  std::vector<Node> nodes;
-  nodes.reserve(shown.size());
-  for (const Shown& it : shown) nodes.push_back(it.node);
-  return nodes;
-}
-
 std::unique_ptr<MotionProgram> makeProgram(const Scene& scene) {
-  auto made = std::make_unique<MotionProgram>(scene, nodesOf(listShown(scene)));
+  std::vector<Node> nodes;
+  for (const Shown& it : listShown(scene)) nodes.push_back(it.node);
+  auto made = std::make_unique<MotionProgram>(scene, nodes);
   made->requireText();
   return made;
 }

@@ -65,10 +65,16 @@ using MetricTuple = std::tuple<std::string, std::size_t, double>;
 /// Returns the values of the metrics, runs x metrics, and the runs' reasons.
 py::tuple sweepRows(const py::object& scene, const py::object& overrides,
                     const std::vector<std::string>& paths,
-                    const std::vector<std::vector<double>>& values, const RunRequest& run,
-                    const std::vector<MetricTuple>& metrics, int threads, bool compiles) {
-  SweepRequest request{
-      readSceneArgument(scene), readOverrides(overrides), paths, run, {}, compiles};
+                    const std::vector<std::vector<double>>& values, double duration, double rate,
+                    const py::object& times, const std::vector<CommandTuple>& commands,
+                    const std::string& columns, const std::vector<MetricTuple>& metrics,
+                    int threads, bool compiles) {
+  SweepRequest request{readSceneArgument(scene),
+                       readOverrides(overrides),
+                       paths,
+                       makeRequest(duration, rate, times, commands, columns, false),
+                       {},
+                       compiles};
   for (const auto& [kind, column, band] : metrics) request.metrics.push_back({kind, column, band});
   PluginlibComponentFactory factory;
   std::vector<SweepRow> rows;
@@ -283,18 +289,7 @@ PYBIND11_MODULE(_core, module) {
   python::bindSample(module);
   python::bindAnalysis(module);
   python::bindSimulation(module);
-  module.def(
-      "_sweep",
-      [](const py::object& scene, const py::object& overrides,
-         const std::vector<std::string>& paths, const std::vector<std::vector<double>>& values,
-         double duration, double rate, const py::object& times,
-         const std::vector<python::CommandTuple>& commands, const std::string& columns,
-         const std::vector<python::MetricTuple>& metrics, int threads, bool compiles) {
-        return python::sweepRows(
-            scene, overrides, paths, values,
-            python::makeRequest(duration, rate, times, commands, columns, false), metrics, threads,
-            compiles);
-      });
+  module.def("_sweep", &python::sweepRows);
   module.def("_describe_scene", [](const py::object& scene, const py::object& overrides) {
     // Numbers keep all bits, unlike Python's str() of an array.
     std::string text = toYaml(python::readSceneArgument(scene));
