@@ -54,6 +54,7 @@ struct SolverSettings {
 };
 
 struct InitialConditions {
+  double time = 0.0;                 ///< s
   std::vector<double> angle;         ///< rad, s values
   std::vector<double> velocity;      ///< rad/s, s values
   std::vector<double> acceleration;  ///< rad/s^2; empty: accelerations of least reaction

@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
-#include "motion/stop_message.h"
+#include "variator_sim/message_text.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
@@ -73,36 +74,20 @@ OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
                      "a scene whose inertia is a formula starts at 0; allowed: 0, or a time or a "
                      "saved state as --at");
   }
-  if (!scene.holdNames().empty() || !scene.inertia_formulas.empty()) {
-    if (point.time > 0.0) {
-      throw SceneError(source + "/time",
-                       "the modes of elements that hold are decided at the scene's start; allowed: "
-                       "0, or a time or a saved state as --at");
-    }
-    return Simulation(std::move(scene)).operatingPoint();
+  if (!scene.holdNames().empty() && point.time > 0.0) {
+    throw SceneError(source + "/time",
+                     "the modes of elements that hold are decided at the scene's start; allowed: "
+                     "0, or a time or a saved state as --at");
   }
-  System system(scene);
-  Drivetrain& drivetrain = system.drivetrain();
-  drivetrain.setOrigin(point.time);
-  drivetrain.resetInputs();
-  Start start(system);
-  start.x.fill(0.0);
-  start.result = system.start(start.x, start.nearest, &start.velocities_at_fault);
-  if (start.result == InitialResult::kSingular || start.result == InitialResult::kNonFinite) {
+  scene.initial.time = point.time;
+  Simulation simulation(std::move(scene));
+  if (!simulation.status().ok()) {
     throw SceneError(source,
                      "no accelerations follow from this state: a law is not finite there, "
                      "or the constraints' derivatives have lost rank" +
-                         scene.extreme_numbers);
+                         simulation.scene().extreme_numbers);
   }
-  if (start.result != InitialResult::kConsistent) throwInitialError(system, scene, start);
-  const StateView state = system.view(0.0, start.x);
-  point.angle.assign(state.angle, state.angle + s);
-  point.velocity.assign(state.velocity, state.velocity + s);
-  point.acceleration.assign(state.acceleration, state.acceleration + s);
-  for (const CommandInputSettings& input : scene.inputs) point.input.push_back(input.initial);
-  point.input_rate.assign(scene.inputs.size(), 0.0);
-  point.command = point.input;
-  return point;
+  return simulation.operatingPoint();
 }
 
 void calcResiduals(const Scene& scene, const OperatingPoint& point, const double* acceleration,

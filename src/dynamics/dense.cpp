@@ -4,11 +4,7 @@
 
 namespace variator_sim {
 
-DenseVector solveLu(const DenseMatrix& A, const DenseVector& b) {
-  return A.partialPivLu().solve(b);
-}
-
-bool solveScaled(DenseMatrix& A, DenseVector& b, int refinements, DenseVector* x) {
+bool solveScaled(DenseMatrix& A, DenseVector& b, DenseVector* x) {
   if (!A.allFinite() || !b.allFinite()) return false;
   for (int i = 0; i < A.rows(); ++i) {
     const double largest = A.row(i).cwiseAbs().maxCoeff();
@@ -16,12 +12,7 @@ bool solveScaled(DenseMatrix& A, DenseVector& b, int refinements, DenseVector* x
     A.row(i) /= largest;
     b(i) /= largest;
   }
-  const Eigen::PartialPivLU<DenseMatrix> factors(A);
-  *x = factors.solve(b);
-  for (int round = 0; round < refinements; ++round) {
-    const DenseVector rest = b - A * *x;
-    *x += factors.solve(rest);
-  }
+  *x = A.partialPivLu().solve(b);
   return x->allFinite();
 }
 
@@ -49,18 +40,5 @@ void invertSymmetric(int n, const double (&A)[kMaxShafts][kMaxShafts],
     for (int j = 0; j < n; ++j) inverse[i][j] = 0.5 * (whole(i, j) + whole(j, i));
   }
 }
-
-template <class Scalar>
-void DenseLu<Scalar>::factor(const Scalar* A, int n) {
-  lu_.compute(Eigen::Map<const Matrix>(A, n, n));
-}
-template <class Scalar>
-void DenseLu<Scalar>::solve(Scalar* x) const {
-  Eigen::Map<Vector> vector(x, lu_.rows());
-  vector = lu_.solve(vector).eval();
-}
-
-template class DenseLu<double>;
-template class DenseLu<std::complex<double>>;
 
 }  // namespace variator_sim

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <Eigen/LU>
-#include <complex>
 
 #include "variator_sim/types.h"
 
@@ -18,13 +17,10 @@ using DenseVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxDense, 1>;
 using SquareMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxShafts, kMaxShafts>;
 
-/// Solves A x = b by LU with partial pivoting. The result is not finite if A is singular. [loop]
-DenseVector solveLu(const DenseMatrix& A, const DenseVector& b);
-
-/// The same with every row scaled by its largest entry, which makes the pivoting independent of the
-/// equations' units (A and b are scaled in place), with `refinements` steps of iterative
-/// refinement. Returns false if A is singular or a number is not finite. [loop]
-bool solveScaled(DenseMatrix& A, DenseVector& b, int refinements, DenseVector* x);
+/// Solves A x = b by LU with partial pivoting, every row scaled by its largest entry, which makes
+/// the pivoting independent of the equations' units (A and b are scaled in place). Returns false if
+/// A is singular or a number is not finite. [loop]
+bool solveScaled(DenseMatrix& A, DenseVector& b, DenseVector* x);
 
 /// Replaces b by A^-1 b, A symmetric, by L D L^T. Returns false if an entry of D is not above
 /// `least`. [loop]
@@ -33,22 +29,5 @@ bool solveSymmetric(const DenseMatrix& A, double least, DenseVector* b);
 /// Computes the symmetric inverse of a symmetric positive definite matrix of n rows. [loop]
 void invertSymmetric(int n, const double (&A)[kMaxShafts][kMaxShafts],
                      double (&inverse)[kMaxShafts][kMaxShafts]);
-
-/// The factors of a square matrix of up to kMaxShafts rows, for many solutions.
-template <class Scalar>
-class DenseLu {
- public:
-  /// Factors the n x n matrix at `A`, column by column. [loop]
-  void factor(const Scalar* A, int n);
-  /// Replaces x by A^-1 x (n values). [loop]
-  void solve(Scalar* x) const;
-
- private:
-  using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxShafts, kMaxShafts>;
-  using Vector = Eigen::Matrix<Scalar, Eigen::Dynamic, 1, 0, kMaxShafts, 1>;
-  Eigen::PartialPivLU<Matrix> lu_;
-};
-extern template class DenseLu<double>;
-extern template class DenseLu<std::complex<double>>;
 
 }  // namespace variator_sim

@@ -6,24 +6,19 @@
 
 namespace variator_sim {
 
-bool LeastReactionSolver::solve(const StateView& given, const double* torque, unsigned corner,
-                                double* epsilon, double* multipliers) {
+bool LeastReactionSolver::solve(const StateView& given, unsigned corner, double* epsilon,
+                                double* multipliers) {
   select(corner);
   if (row_count_ > S) return false;
   StateView state = given;
   state.acceleration = epsilon;
   Vector step;
-  if (!calcStep(state, torque, epsilon, multipliers, &step)) return false;
+  if (!calcStep(state, epsilon, multipliers, &step)) return false;
   // Near equilibrium epsilon is the small difference of large terms; this is what they round to.
-  double free[kMaxShafts];
-  drivetrain_.inertia().solve(torque, free);
-  double rounding = 1e-290;
-  for (int i = 0; i < S; ++i) {
-    rounding =
-        std::max(rounding, 64.0 * std::numeric_limits<double>::epsilon() * std::abs(free[i]));
-  }
+  const double rounding = std::max(1e-290, 64.0 * std::numeric_limits<double>::epsilon() *
+                                               constraints_.free().cwiseAbs().maxCoeff());
   // (Across a kink it may never get shorter.)
-  const int most_halvings = drivetrain_.kinks().empty() ? 40 : 10;
+  const int most_halvings = constraints_.kinks().empty() ? 40 : 10;
   for (int iteration = 0; iteration < 200; ++iteration) {
     const double length = calcLength(step);
     // Natural monotonicity (Deuflhard): the next step, which does not depend on how the equations
@@ -40,7 +35,7 @@ bool LeastReactionSolver::solve(const StateView& given, const double* torque, un
       for (int m = 0; m < row_count_; ++m) {
         multipliers[m] = multipliers_old[m] + fraction * step(S + m);
       }
-      if (!calcStep(state, torque, epsilon, multipliers, &next)) continue;
+      if (!calcStep(state, epsilon, multipliers, &next)) continue;
       shorter =
           calcLength(next) <= (1.0 - 0.25 * fraction) * length || isSmall(next, epsilon, rounding);
     }
@@ -54,13 +49,31 @@ bool LeastReactionSolver::solve(const StateView& given, const double* torque, un
       for (int i = 0; i < S; ++i) epsilon[i] += next(i);
       for (int m = 0; m < row_count_; ++m) multipliers[m] += next(S + m);
       if (corner != 0) return true;
-      double moved[kMaxShafts];
-      std::uint64_t iterations = 0;
-      return projectAccelerations(drivetrain_, state, epsilon, moved, &iterations) ==
-                 ProjectionResult::kConverged &&
-             (drivetrain_.nonlinearAccelerations().none() || isConsistent(state));
+      return project(state, epsilon) && isConsistent(state);
     }
     step = next;
+  }
+  return false;
+}
+
+bool LeastReactionSolver::project(const StateView& state, double* epsilon) {
+  constexpr int kMostIterations = 25;
+  // Newton converges quadratically: after a correction of 1e-8 of the values' size the next one
+  // would be lost in rounding (1e-16), so it is not made.
+  constexpr double kEnough = 1e-8;
+  Eigen::Map<Vector> at(epsilon, S);
+  double previous = std::numeric_limits<double>::infinity();
+  for (int iteration = 0; iteration < kMostIterations; ++iteration) {
+    Vector delta(S);
+    if (!constraints_.calcCorrection(state, delta.data())) return false;
+    at += delta;
+    if (!at.allFinite()) return false;
+    const double size = delta.cwiseAbs().maxCoeff();
+    const double length = at.cwiseAbs().maxCoeff();
+    if (size <= kEnough * length || size == 0.0) return true;
+    // Rounding can keep the corrections from shrinking below kEnough when the values are tiny.
+    if (iteration > 2 && size >= 0.5 * previous) return size <= 1e-6 * (length + 1.0);
+    previous = size;
   }
   return false;
 }
@@ -68,25 +81,18 @@ bool LeastReactionSolver::solve(const StateView& given, const double* torque, un
 bool LeastReactionSolver::retract(const StateView& state, double* epsilon) {
   const Vector given = Eigen::Map<const Vector>(epsilon, S);
   Eigen::Map<Vector> at(epsilon, S);
-  double moved[kMaxShafts];
-  std::uint64_t iterations = 0;
-  if (projectAccelerations(drivetrain_, state, epsilon, moved, &iterations) ==
-          ProjectionResult::kConverged &&
-      isConsistent(state)) {
-    return true;
-  }
+  if (project(state, epsilon) && isConsistent(state)) return true;
   // Full steps may run to and fro over a kink or away: only those that make psi less.
   at = given;
   Vector delta(S);
-  if (!drivetrain_.calcAccelerationProjection(state, delta.data())) return false;
-  const std::vector<int>& rows = drivetrain_.accelerationRows();
-  const auto k = static_cast<int>(rows.size());
-  double weight[kMaxRows] = {};
-  for (int r = 0; r < k; ++r) weight[r] = 1.0 / drivetrain_.accelerationRowLengthSquared(r);
+  if (!constraints_.calcCorrection(state, delta.data())) return false;
+  const int k = constraints_.rowCount();
+  double weight[kMaxConstraints] = {};
+  for (int r = 0; r < k; ++r) weight[r] = 1.0 / constraints_.rowLengthSquared(r);
   const auto measure = [&] {
     double sum = 0.0;
     for (int r = 0; r < k; ++r) {
-      const double psi = drivetrain_.constraint(rows[r]).calcResidual(state);
+      const double psi = constraints_.row(r).calcResidual(state);
       sum += weight[r] * psi * psi;
     }
     return sum;
@@ -95,7 +101,7 @@ bool LeastReactionSolver::retract(const StateView& state, double* epsilon) {
   bool is_less = true;
   for (int iteration = 0; iteration < 40 && is_less; ++iteration) {
     if (isConsistent(state, 1e-3 * kConsistent)) break;
-    if (!drivetrain_.calcAccelerationProjection(state, delta.data())) return false;
+    if (!constraints_.calcCorrection(state, delta.data())) return false;
     const Vector old = at;
     is_less = false;
     double fraction = 1.0;
@@ -109,14 +115,14 @@ bool LeastReactionSolver::retract(const StateView& state, double* epsilon) {
   if (!isConsistent(state)) return false;
   // (Where C vanishes psi is small near by, and zero nowhere near.)
   for (int r = 0; r < k; ++r) {
-    if (!(drivetrain_.accelerationRowLengthSquared(r) * weight[r] > kVanished)) return false;
+    if (!(constraints_.rowLengthSquared(r) * weight[r] > kVanished)) return false;
   }
   return true;
 }
 
 bool LeastReactionSolver::isConsistent(const StateView& state, double allowed) {
   Vector delta(S);
-  if (!drivetrain_.calcAccelerationProjection(state, delta.data())) return false;
+  if (!constraints_.calcCorrection(state, delta.data())) return false;
   if (!delta.allFinite()) return false;
   const double distance = delta.cwiseAbs().maxCoeff();
   const Eigen::Map<const Vector> epsilon(state.acceleration, S);
@@ -126,8 +132,8 @@ bool LeastReactionSolver::isConsistent(const StateView& state, double allowed) {
 
 double LeastReactionSolver::calcRounding(const StateView& state) const {
   double largest = 0.0;
-  for (int m : drivetrain_.accelerationRows()) {
-    const Constraint& constraint = drivetrain_.constraint(m);
+  for (int m = 0; m < constraints_.rowCount(); ++m) {
+    const Constraint& constraint = constraints_.row(m);
     if (constraint.order() != 2) continue;
     ConstraintPartials partials;
     constraint.calcPartials(state, partials);
@@ -137,9 +143,9 @@ double LeastReactionSolver::calcRounding(const StateView& state) const {
               std::abs(partials.velocity[i] * state.velocity[i]) +
               std::abs(partials.acceleration[i] * state.acceleration[i]);
     }
-    Vector B(S);
-    drivetrain_.inertia().solve(partials.acceleration, B.data());
-    const double A = B.dot(Eigen::Map<const Vector>(partials.acceleration, S));
+    const Eigen::Map<const Vector> C(partials.acceleration, S);
+    const Vector B = constraints_.mobility() * C;
+    const double A = B.dot(C);
     largest = std::max(largest, size * B.cwiseAbs().maxCoeff() / A);
   }
   return 16.0 * std::numeric_limits<double>::epsilon() * largest;
@@ -147,7 +153,7 @@ double LeastReactionSolver::calcRounding(const StateView& state) const {
 
 bool LeastReactionSolver::calcKinks(const StateView& given, const double* epsilon,
                                     KinkValues* values) const {
-  const std::vector<const Constraint*>& kinks = drivetrain_.kinks();
+  const std::vector<const Constraint*>& kinks = constraints_.kinks();
   StateView state = given;
   state.acceleration = epsilon;
   for (int i = 0; i < S; ++i) {
@@ -173,42 +179,38 @@ bool LeastReactionSolver::calcKinks(const StateView& given, const double* epsilo
 }
 
 void LeastReactionSolver::select(unsigned corner) {
-  const int k = static_cast<int>(drivetrain_.accelerationRows().size());
   row_count_ = 0;
-  for (int m = 0; m < k && m < S; ++m) rows_[row_count_++] = rowOf(m);
-  for (std::size_t j = 0; j < drivetrain_.kinks().size(); ++j) {
+  for (int m = 0; m < constraints_.rowCount(); ++m) rows_[row_count_++] = &constraints_.row(m);
+  for (std::size_t j = 0; j < constraints_.kinks().size(); ++j) {
     if (!contains(corner, static_cast<int>(j))) continue;
-    if (row_count_ < S) rows_[row_count_] = drivetrain_.kinks()[j];
+    if (row_count_ < S) rows_[row_count_] = constraints_.kinks()[j];
     ++row_count_;
   }
 }
 
-bool LeastReactionSolver::calcStep(const StateView& state, const double* torque,
-                                   const double* epsilon, const double* multipliers, Vector* step) {
+bool LeastReactionSolver::calcStep(const StateView& state, const double* epsilon,
+                                   const double* multipliers, Vector* step) {
   //  [ J - sum lambda_m H_m   -C^T ] [d epsilon]     [ J epsilon + n - Q - C^T lambda ]
   //  [ C                       0   ] [d lambda ] = - [ psi                            ]
   Matrix K = makeInertiaBlock();
   Vector right(S + row_count_);
-  double force[kMaxShafts];  // J epsilon + n - Q - C^T lambda
-  drivetrain_.inertia().multiply(epsilon, force);
-  for (int i = 0; i < S; ++i) force[i] -= torque[i];
+  Vector force =  // J epsilon + n - Q - C^T lambda
+      constraints_.inertia() * Eigen::Map<const Vector>(epsilon, S) - constraints_.torque();
   for (int m = 0; m < row_count_; ++m) {
     double C[kMaxShafts];
     double H[kMaxShafts * kMaxShafts];
     right(S + m) = -rows_[m]->calcResidualAndJacobian(state, C);
     rows_[m]->calcHessian(state, H);
     addRow(m, C, H, multipliers[m], &K);
-    for (int i = 0; i < S; ++i) force[i] -= C[i] * multipliers[m];
+    for (int i = 0; i < S; ++i) force(i) -= C[i] * multipliers[m];
   }
-  for (int i = 0; i < S; ++i) right(i) = -force[i];
-  return solveScaled(K, right, 0, step);
+  right.head(S) = -force;
+  return solveScaled(K, right, step);
 }
 
 LeastReactionSolver::Matrix LeastReactionSolver::makeInertiaBlock() const {
   Matrix K = Matrix::Zero(S + row_count_, S + row_count_);
-  for (int i = 0; i < S; ++i) {
-    for (int j = 0; j < S; ++j) K(i, j) = drivetrain_.inertia().entry(i, j);
-  }
+  K.topLeftCorner(S, S) = constraints_.inertia();
   return K;
 }
 

@@ -5,8 +5,7 @@
 
 #include <algorithm>
 
-#include "dynamics/drivetrain.h"
-#include "dynamics/projection.h"
+#include "dynamics/acceleration_constraints.h"
 
 namespace variator_sim {
 
@@ -19,29 +18,27 @@ class LeastReactionSolver {
   /// this, relative to max(1, |epsilon|): what is left of a value printed with ten digits.
   static constexpr double kConsistent = 1e-9;
 
-  explicit LeastReactionSolver(Drivetrain& drivetrain)
-      : S(drivetrain.shafts()), drivetrain_(drivetrain) {}
+  explicit LeastReactionSolver(AccelerationConstraints& constraints)
+      : S(constraints.shafts()), constraints_(constraints) {}
 
   /// Stationarity under psi = 0 and the kinks of `corner` = 0,
   ///     J epsilon + n - Q - C^T lambda - (d kinks)^T mu = 0,
   /// by damped Newton from the accelerations in `epsilon` (S values) and the multipliers (S places:
-  /// one per row of accelerationRows(), then one per kink of the corner); `torque` is Q - n. False
-  /// when it does not converge to a point where psi is zero.
-  bool solve(const StateView& given, const double* torque, unsigned corner, double* epsilon,
-             double* multipliers);
+  /// one per constraint, then one per kink of the corner). False when it does not converge to a
+  /// point where psi is zero.
+  bool solve(const StateView& given, unsigned corner, double* epsilon, double* multipliers);
 
   /// Calls `found(epsilon)` for every corner that the nearest kinks make, from `epsilon`.
   template <class Found>
-  void solveCorners(const StateView& given, const double* torque, const double* epsilon,
-                    Found found) {
-    if (drivetrain_.kinks().empty()) return;
+  void solveCorners(const StateView& given, const double* epsilon, Found found) {
+    if (constraints_.kinks().empty()) return;
     KinkValues values;
     if (!calcKinks(given, epsilon, &values)) return;
     forEachCorner(values, [&](unsigned set) {
       double corner[kMaxShafts];
       double multipliers[kMaxShafts] = {};
       std::copy_n(epsilon, S, corner);
-      if (solve(given, torque, set, corner, multipliers)) found(corner);
+      if (solve(given, set, corner, multipliers)) found(corner);
     });
   }
 
@@ -52,7 +49,7 @@ class LeastReactionSolver {
   bool isConsistent(const StateView& state, double allowed = kConsistent);
 
  private:
-  static constexpr int kMostKinks = static_cast<int>(Drivetrain::kMostKinks);
+  static constexpr int kMostKinks = static_cast<int>(AccelerationConstraints::kMostKinks);
   /// The number of nearest kinks that may meet in a corner that is examined.
   static constexpr int kMostMeeting = 4;
   using Matrix = DenseMatrix;
@@ -77,7 +74,7 @@ class LeastReactionSolver {
   template <class Visit>
   void forEachCorner(const KinkValues& values, Visit visit) const {
     const int most = std::min(values.count, kMostMeeting);
-    const int room = S - static_cast<int>(drivetrain_.accelerationRows().size());
+    const int room = S - constraints_.rowCount();
     for (unsigned pick = 1; pick < 1U << static_cast<unsigned>(most); ++pick) {
       unsigned set = 0;
       int size = 0;
@@ -92,17 +89,18 @@ class LeastReactionSolver {
 
   /// Returns true if kink j is in the set.
   static bool contains(unsigned set, int j) { return (set >> static_cast<unsigned>(j) & 1U) != 0U; }
-  const Constraint* rowOf(int m) const {
-    return &drivetrain_.constraint(drivetrain_.accelerationRows()[static_cast<std::size_t>(m)]);
-  }
 
-  /// The rows of accelerationRows(), then the kinks of `corner`.
+  /// Newton's iteration onto psi = 0 by `epsilon`, to which `state` points. False if C loses rank,
+  /// or it does not converge.
+  bool project(const StateView& state, double* epsilon);
+
+  /// The constraints, then the kinks of `corner`.
   void select(unsigned corner);
 
   /// The step (delta epsilon, delta multipliers) of Newton's iteration at (epsilon, multipliers).
   /// False when the matrix is singular or not finite.
-  bool calcStep(const StateView& state, const double* torque, const double* epsilon,
-                const double* multipliers, Vector* step);
+  bool calcStep(const StateView& state, const double* epsilon, const double* multipliers,
+                Vector* step);
 
   /// J in its place of a matrix for the accelerations and a multiplier of each row.
   Matrix makeInertiaBlock() const;
@@ -116,7 +114,7 @@ class LeastReactionSolver {
   /// A row of C with this part of its squared length has vanished.
   static constexpr double kVanished = 1e-12;
   const int S;  // shafts
-  Drivetrain& drivetrain_;
+  AccelerationConstraints& constraints_;
   const Constraint* rows_[kMaxShafts] = {};
   int row_count_ = 0;
 };

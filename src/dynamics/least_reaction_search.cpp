@@ -55,12 +55,11 @@ void findZeros(const Quintic& whole, double low, double high, bool rises, Found 
 
 }  // namespace
 
-LeastReactionSearch::Verdict LeastReactionSearch::find(const StateView& state, const double* torque,
-                                                       const double* free, const double* first) {
+LeastReactionSearch::Verdict LeastReactionSearch::find(const StateView& state,
+                                                       const double* first) {
   constexpr int kMostRounds = 14;
   state_ = state;
-  torque_ = torque;
-  free_ = free;
+  candidate_count_ = 0;
   next_ray_ = 0;
   setUp();
   if (first != nullptr) record(Eigen::Map<const Vector>(first, S), true);
@@ -92,28 +91,23 @@ LeastReactionSearch::Verdict LeastReactionSearch::find(const StateView& state, c
 }
 
 void LeastReactionSearch::setUp() {
-  const ShaftSet nonlinear = drivetrain_.nonlinearAccelerations();
+  const SquareMatrix& inverse = constraints_.mobility();
   n_ = 0;
   int which[kMaxShafts];
-  J_.resize(S, S);
-  inverse_.resize(S, S);
   for (int j = 0; j < S; ++j) {
-    if (nonlinear[static_cast<std::size_t>(j)]) which[n_++] = j;
-    const Vector unit = Vector::Unit(S, j);
-    drivetrain_.inertia().multiply(unit.data(), J_.col(j).data());
-    drivetrain_.inertia().solve(unit.data(), inverse_.col(j).data());
+    if (constraints_.nonlinear()[static_cast<std::size_t>(j)]) which[n_++] = j;
   }
   // E = J^-1 U T^T of the unit vectors U of these accelerations, with E^T J E = 1.
   Matrix columns(S, n_);
   Matrix gram(n_, n_);
   for (int a = 0; a < n_; ++a) {
-    columns.col(a) = inverse_.col(which[a]);
-    for (int b = 0; b < n_; ++b) gram(a, b) = inverse_(which[a], which[b]);
+    columns.col(a) = inverse.col(which[a]);
+    for (int b = 0; b < n_; ++b) gram(a, b) = inverse(which[a], which[b]);
   }
   int rank;
   E_ = columns * orthonormalize(gram, 0.0, &rank).transpose();
   // How the others move with these held: no part of the rows that they multiply varies.
-  Matrix rest = inverse_ - E_ * E_.transpose();
+  Matrix rest = inverse - E_ * E_.transpose();
   for (int a = 0; a < n_; ++a) {
     rest.row(which[a]).setZero();
     rest.col(which[a]).setZero();
@@ -135,14 +129,14 @@ LeastReactionSearch::Matrix LeastReactionSearch::calcRowsOutside(const Matrix& r
   Vector values(S);
   for (int m = 0; m < k; ++m) {
     double epsilon[kMaxShafts];
-    std::copy_n(free_, S, epsilon);
+    std::copy_n(free().data(), S, epsilon);
     state.acceleration = epsilon;
     for (int attempt = 0; attempt < 8; ++attempt) {
       row(m).calcResidualAndJacobian(state, values.data());
       if (values.allFinite()) break;
-      for (int i = 0; i < S; ++i) epsilon[i] = 0.6 * free_[i] + 0.3 * attempt + 0.1 * i;
+      for (int i = 0; i < S; ++i) epsilon[i] = 0.6 * free()(i) + 0.3 * attempt + 0.1 * i;
     }
-    const double whole = values.dot(inverse_ * values);
+    const double whole = values.dot(constraints_.mobility() * values);
     const double outside = values.dot(rest * values);
     const bool has_outside = outside > 1e-20 * whole;
     const double size = std::sqrt(has_outside ? outside : whole);
@@ -173,7 +167,7 @@ LeastReactionSearch::Vector LeastReactionSearch::calcDirection(int ray) const {
 
 LeastReactionSearch::Sample LeastReactionSearch::evaluate(const Vector& along, double t) {
   ++evaluations_;
-  const Vector aimed = Eigen::Map<const Vector>(free_, S) + t * along;
+  const Vector aimed = free() + t * along;
   StateView state = state_;
   state.acceleration = aimed.data();
   Vector psi(rowCount());
@@ -340,7 +334,7 @@ void LeastReactionSearch::keep(const Item& item, double Item::*value, int most, 
 void LeastReactionSearch::noteStart(const Sample& sample, const Vector& along, double penalty) {
   if (!sample.isFinite()) return;
   const Vector v = sample.v.head(soft_);
-  const Start start{Eigen::Map<const Vector>(free_, S) + sample.t * along - F_ * v,
+  const Start start{free() + sample.t * along - F_ * v,
                     (sample.t * sample.t + v.squaredNorm()) * penalty};
   if (penalty == 1.0) ++noted_;
   keep(start, &Start::value, kMostStarts, starts_, &start_count_, [&](const Start& other) {
@@ -350,11 +344,11 @@ void LeastReactionSearch::noteStart(const Sample& sample, const Vector& along, d
 }
 
 double LeastReactionSearch::measure(const Vector& v) const {
-  return v.dot(J_ * v);
+  return v.dot(constraints_.inertia() * v);
 }
 
 double LeastReactionSearch::squaredDistance(const Vector& epsilon) const {
-  return measure(epsilon - Eigen::Map<const Vector>(free_, S));
+  return measure(epsilon - free());
 }
 
 double LeastReactionSearch::hopeful() const {
@@ -370,9 +364,9 @@ void LeastReactionSearch::descend(Vector epsilon) {
   bool is_stuck = false;  // on a kink, maybe
   for (int iteration = 0; iteration < 25; ++iteration) {
     Vector delta(S);
-    if (!drivetrain_.calcLinearizedReaction(state, free_, delta.data())) break;
+    if (!constraints_.calcLinearizedReaction(state, delta.data())) break;
     const Vector old = epsilon;
-    delta += Eigen::Map<const Vector>(free_, S) - epsilon;
+    delta += free() - epsilon;
     if (!(delta.cwiseAbs().maxCoeff() > 1e-6 * epsilon.cwiseAbs().maxCoeff())) break;
     // Far from the least and without much hope to get there.
     if (iteration >= 3 && value - 4.0 * measure(delta) > hopeful()) return;
@@ -387,7 +381,7 @@ void LeastReactionSearch::descend(Vector epsilon) {
     }
     if (!is_less) {
       epsilon = old;
-      is_stuck = !drivetrain_.kinks().empty();
+      is_stuck = !constraints_.kinks().empty();
       break;
     }
   }
@@ -397,33 +391,23 @@ void LeastReactionSearch::descend(Vector epsilon) {
 void LeastReactionSearch::polish(const StateView& state, const Vector& epsilon, double value) {
   double multipliers[kMaxShafts] = {};
   Vector polished = epsilon;
-  calcMultipliers(state, multipliers);
+  if (!constraints_.calcMultipliers(state, multipliers)) std::fill_n(multipliers, S, 0.0);
   bool is_polished = false;
   const auto take = [&](const Vector& point) {
     record(point, true);
     is_polished = is_polished || squaredDistance(point) <= value * (1.0 + 1e-9);
   };
-  if (solver_.solve(state_, torque_, 0, polished.data(), multipliers)) take(polished);
-  solver_.solveCorners(state_, torque_, epsilon.data(),
+  if (solver_.solve(state_, 0, polished.data(), multipliers)) take(polished);
+  solver_.solveCorners(state_, epsilon.data(),
                        [&](const double* corner) { take(Eigen::Map<const Vector>(corner, S)); });
   if (!is_polished) record(epsilon, false);
-}
-
-void LeastReactionSearch::calcMultipliers(const StateView& state, double* multipliers) const {
-  Matrix Ct(S, rowCount());
-  for (int m = 0; m < rowCount(); ++m) row(m).calcResidualAndJacobian(state, Ct.col(m).data());
-  const Vector distance =
-      Eigen::Map<const Vector>(state.acceleration, S) - Eigen::Map<const Vector>(free_, S);
-  const Vector lambda = solveLu(Ct.transpose() * inverse_ * Ct, Ct.transpose() * distance);
-  if (lambda.allFinite()) std::copy_n(lambda.data(), std::min(rowCount(), S), multipliers);
 }
 
 void LeastReactionSearch::record(const Vector& epsilon, bool is_stationary) {
   Candidate candidate{{}, 0.5 * squaredDistance(epsilon), is_stationary};
   if (!std::isfinite(candidate.reaction)) return;
   std::copy_n(epsilon.data(), S, candidate.epsilon);
-  const double size = std::max(epsilon.cwiseAbs().maxCoeff(),
-                               Eigen::Map<const Vector>(free_, S).cwiseAbs().maxCoeff());
+  const double size = std::max(epsilon.cwiseAbs().maxCoeff(), free().cwiseAbs().maxCoeff());
   keep(candidate, &Candidate::reaction, kMostCandidates, candidates_, &candidate_count_,
        [&](const Candidate& other) {
          const Vector apart = Eigen::Map<const Vector>(other.epsilon, S) - epsilon;
@@ -436,8 +420,8 @@ void LeastReactionSearch::record(const Vector& epsilon, bool is_stationary) {
 
 void LeastReactionSearch::findFirst(int rays) {
   double radius = 1e-3;
-  for (int i = 0; i < S; ++i) radius = std::max(radius, std::abs(free_[i]));
-  radius *= 1e-2 * std::sqrt(J_(0, 0));
+  for (int i = 0; i < S; ++i) radius = std::max(radius, std::abs(free()(i)));
+  radius *= 1e-2 * std::sqrt(constraints_.inertia()(0, 0));
   for (int growth = 0; growth < 24 && candidate_count_ == 0; ++growth, radius *= 4.0) {
     lookThrough(radius, rays, 0);
   }
@@ -447,9 +431,9 @@ double LeastReactionSearch::calcRoundingDistance() const {
   constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
   // f = J^-1 q is known to eps |J^-1| |q|, |q| = |J| |f|: much less well than to eps |f| where J is
   // nearly singular.
-  const Vector f = Eigen::Map<const Vector>(free_, S).cwiseAbs();
-  const Matrix J = J_.cwiseAbs();
-  const Vector rounding = kEpsilon * (inverse_.cwiseAbs() * (J * f));
+  const Vector f = free().cwiseAbs();
+  const Matrix J = constraints_.inertia().cwiseAbs();
+  const Vector rounding = kEpsilon * (constraints_.mobility().cwiseAbs() * (J * f));
   return std::max(64.0 * kEpsilon * f.maxCoeff(), std::sqrt(rounding.dot(J * rounding)));
 }
 

@@ -15,7 +15,6 @@
 #include <cmath>
 #include <cstdint>
 
-#include "dynamics/drivetrain.h"
 #include "dynamics/least_reaction.h"
 
 namespace variator_sim {
@@ -37,18 +36,16 @@ class LeastReactionSearch {
     kNone
   };
 
-  LeastReactionSearch(Drivetrain& drivetrain, LeastReactionSolver& solver)
-      : S(drivetrain.shafts()), drivetrain_(drivetrain), solver_(solver) {}
+  LeastReactionSearch(AccelerationConstraints& constraints, LeastReactionSolver& solver)
+      : S(constraints.shafts()), constraints_(constraints), solver_(solver) {}
 
   /// The best ones, the least reaction first.
   int candidateCount() const { return candidate_count_; }
   const Candidate& candidate(int n) const { return candidates_[n]; }
-  void forget() { candidate_count_ = 0; }
 
-  /// Looks for candidates. `torque` is Q - n, `free` J^-1 (Q - n), `first` accelerations that
-  /// satisfy psi = 0, or nullptr.
-  Verdict find(const StateView& state, const double* torque, const double* free,
-               const double* first);
+  /// Looks for candidates at a state that the constraints were entered at; `first`: accelerations
+  /// that satisfy psi = 0, or nullptr.
+  Verdict find(const StateView& state, const double* first);
 
  private:
   static constexpr int kMostStarts = 48;
@@ -61,7 +58,7 @@ class LeastReactionSearch {
   static constexpr double kSame = 1e-6;
 
   using Matrix = DenseMatrix;
-  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxShafts, 1>;
+  using Vector = AccelerationConstraints::Vector;
 
   /// A sample of a ray: the soft rows' v, then the hard ones, and their derivatives by t.
   struct Sample {
@@ -75,10 +72,9 @@ class LeastReactionSearch {
     double value;  ///< |epsilon - f|^2, more where psi is not zero
   };
 
-  int rowCount() const { return static_cast<int>(drivetrain_.accelerationRows().size()); }
-  const Constraint& row(int m) const {
-    return drivetrain_.constraint(drivetrain_.accelerationRows()[static_cast<std::size_t>(m)]);
-  }
+  int rowCount() const { return constraints_.rowCount(); }
+  const Constraint& row(int m) const { return constraints_.row(m); }
+  const Vector& free() const { return constraints_.free(); }
   /// Finds E, F and T.
   void setUp();
   /// The rows of C at a place where all are finite, without the parts in x, made of length 1 by
@@ -123,8 +119,6 @@ class LeastReactionSearch {
   /// Newton's iteration from the end of a descent at the squared distance `value`, and the corners
   /// near by.
   void polish(const StateView& state, const Vector& epsilon, double value);
-  /// lambda with C^T lambda nearest to R = J (epsilon - f): A lambda = C (epsilon - f).
-  void calcMultipliers(const StateView& state, double* multipliers) const;
 
   /// Puts accelerations with psi = 0 among the candidates.
   void record(const Vector& epsilon, bool is_stationary);
@@ -135,18 +129,14 @@ class LeastReactionSearch {
   Verdict conclude(bool is_certain) const;
 
   const int S;  // shafts
-  Drivetrain& drivetrain_;
+  AccelerationConstraints& constraints_;
   LeastReactionSolver& solver_;
   StateView state_{};
-  const double* torque_ = nullptr;
-  const double* free_ = nullptr;
-  Matrix J_;
-  Matrix inverse_;  // of J
-  int n_ = 0;       // accelerations that psi is not linear in
-  int soft_ = 0;    // rows that the others can make zero
-  Matrix E_;        // S x n
-  Matrix F_;        // S x soft
-  Matrix T_;        // (v, hard) = T psi
+  int n_ = 0;     // accelerations that psi is not linear in
+  int soft_ = 0;  // rows that the others can make zero
+  Matrix E_;      // S x n
+  Matrix F_;      // S x soft
+  Matrix T_;      // (v, hard) = T psi
   int next_ray_ = 0;
   int noted_ = 0;            // minima in the last look through the ball
   int evaluations_ = 0;      // samples in it

@@ -26,6 +26,9 @@ std::string assign(const std::string& path, double value);
 /// Returns the element one of whose laws changes its branch where `argument` passes 0; none of
 /// laws of other kinds.
 Element findOwner(const Scene& scene, expression::Node argument);
+/// Finds the component whose value is not finite at `state`: first torques, then constraints.
+/// Returns false when all are finite. [loop]
+bool findNonFinite(const Scene& scene, StateView state, int* torque, int* constraint);
 /// Returns the part of an element's formulas that is not finite at `state`, or within the next
 /// 0.01 s, while its operands are: "sqrt(10 - w_load)"; "" for laws without formulas.
 std::string findNonFinitePart(const Scene& scene, Element element, const StateView& state);

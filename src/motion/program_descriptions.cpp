@@ -13,19 +13,18 @@
 namespace variator_sim {
 
 void ProgramMotion::throwInitialError(scene_status status) {
-  const bool is_inconsistent = status == SCENE_INCONSISTENT;
-  host_->leave(&it_);
-  if (is_inconsistent && program_->HOLDS > 0 && it_.culprit >= 0) throwInitialMode();
-  const char* const key =
-      scene.initial.acceleration.empty() ? "initial/velocity" : "initial/acceleration";
+  if (misfit_.kind == Misfit::Kind::kModes) throwInitialMode();
+  if (misfit_.kind != Misfit::Kind::kNone) {
+    Sample unused;
+    look(0.0, &unused, nullptr);  // what the laws read beside the state
+    variator_sim::throwInitialError(scene, misfit_, viewOf(misfit_.given, time),
+                                    search_ != nullptr ? &search_->search() : nullptr);
+  }
   const StopReason reason = reasonOf(status);
   const std::string why = explainReason(reason);
   throw SceneError(
-      key, is_inconsistent
-               ? "does not satisfy the constraints; 'initial/project: true' starts at the nearest "
-                 "values that do"
-               : "no motion begins here: " + (why.empty() ? toString(reason) : why) +
-                     scene.extreme_numbers);
+      scene.initial.acceleration.empty() ? "initial/velocity" : "initial/acceleration",
+      "no motion begins here: " + (why.empty() ? toString(reason) : why) + scene.extreme_numbers);
 }
 
 std::vector<std::string> ProgramMotion::skips() const {
@@ -42,48 +41,31 @@ std::vector<std::string> ProgramMotion::skips() const {
   return skips;
 }
 
-void ProgramMotion::throwInitialMode() {
-  const auto element = static_cast<std::size_t>(it_.culprit);
-  const std::string torque = formatNumber(it_.culprit_torque) + " N m";
+void ProgramMotion::throwInitialMode() const {
+  const auto element = static_cast<std::size_t>(misfit_.element);
+  const std::string torque = formatNumber(misfit_.torque) + " N m";
   const bool is_stuck =
       program_->begins_in.values[element] == static_cast<int>(Holding::Begin::kStuck);
   std::string fault = "'slipping': it holds at the start, with " + torque;
   if (is_stuck) {
-    fault = std::abs(it_.culprit_slip) > scene.solver.absolute_tolerance
-                ? "'stuck': its slip is " + formatNumber(it_.culprit_slip) + " rad/s at the start"
+    fault = std::abs(misfit_.slip) > scene.solver.absolute_tolerance
+                ? "'stuck': its slip is " + formatNumber(misfit_.slip) + " rad/s at the start"
                 : "'stuck': it would have to hold " + torque + " at the start";
   }
   throw SceneError(program_->holdNames()[element] + "/initial",
                    fault + "; allowed: auto, or a start to which it belongs");
 }
 
-std::string ProgramMotion::findCulprit(const StateView& state, MotionStatus* told) const {
-  switch (told->reason) {
-    case StopReason::kChattering: {
-      if (it_.passed < 0 || it_.passed >= program_->FIRST_EVENT) return "";
-      const auto guard = static_cast<std::size_t>(it_.passed);
-      const expression::Branch& branch = program_->branches()[guard];
-      const Element owner = findOwner(scene, branch.argument);
-      told->torque = owner.torque;
-      told->constraint = owner.constraint;
-      return branch.function;
-    }
-    case StopReason::kNonFiniteValue:
-      findNonFinite(scene, state, &told->torque, &told->constraint);
-      return "";
-    case StopReason::kStepLimit:
-      told->measure = progress_.rateAt(frontTime());
-      return "";
-    default:
-      break;
-  }
-  for (int i = 0; i < scene.shaftCount() && told->reason == StopReason::kStepUnderflow; ++i) {
-    const double of_angle = std::abs(state.velocity[i]) / std::max(1.0, std::abs(state.angle[i]));
-    const double of_velocity =
-        std::abs(state.acceleration[i]) / std::max(1.0, std::abs(state.velocity[i]));
-    told->measure = std::max({told->measure, of_angle, of_velocity});
-  }
-  return "";
+std::string ProgramMotion::findCulprit(MotionStatus* told) const {
+  if (told->reason == StopReason::kStepLimit) told->measure = progress_.rateAt(frontTime());
+  if (told->reason != StopReason::kChattering) return function_;
+  if (it_.passed < 0 || it_.passed >= program_->FIRST_EVENT) return "";
+  const auto guard = static_cast<std::size_t>(it_.passed);
+  const expression::Branch& branch = program_->branches()[guard];
+  const Element owner = findOwner(scene, branch.argument);
+  told->torque = owner.torque;
+  told->constraint = owner.constraint;
+  return branch.function;
 }
 
 std::string ProgramMotion::describeStop() {
@@ -92,13 +74,7 @@ std::string ProgramMotion::describeStop() {
   Inertia inertia(scene.inertia, scene.inertia_harmonics);
   if (!inertia.isConstant()) inertia.update(state.angle);
   MotionStatus told = status_;
-  std::string function;
-  if (finder_ == nullptr || told.reason == StopReason::kChattering) {
-    function = findCulprit(state, &told);
-  } else if (told.guard >= 0) {
-    const auto guard = static_cast<std::size_t>(told.guard);
-    function = finder_->system().drivetrain().guards()[guard]->function();
-  }
+  const std::string function = findCulprit(&told);
   std::ostringstream text;
   text << variator_sim::describeStop(scene, told, state, inertia, function);
   const int event = it_.passed - program_->FIRST_EVENT;

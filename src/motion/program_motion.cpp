@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
 #include <utility>
 
 #include "variator_sim/errors.h"
@@ -43,18 +42,37 @@ StopReason ProgramMotion::reasonOf(scene_status status) {
   return StopReason::kNone;
 }
 
+namespace {
+
+bool searchesAccelerations(const Scene& scene) {
+  return !ProgramMotion::hasMoreThanLaws(scene) &&
+         std::any_of(scene.constraints.begin(), scene.constraints.end(),
+                     [](const ConstraintPtr& it) { return it->nonlinearAccelerations().any(); });
+}
+
+/// True when C and J are the same at every state.
+bool areRowsConstant(const Scene& scene) {
+  return Inertia(scene.inertia, scene.inertia_harmonics).isConstant() &&
+         std::all_of(scene.constraints.begin(), scene.constraints.end(),
+                     [](const ConstraintPtr& it) { return it->hasConstantJacobian(); });
+}
+
+}  // namespace
+
+bool ProgramMotion::hasMoreThanLaws(const Scene& scene) {
+  return !scene.holdNames().empty() || !scene.nameOfDirection().empty() || scene.hasMemory() ||
+         !scene.inertia_formulas.empty();
+}
+
 ProgramMotion::ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgram> program,
-                             bool has_finder, const ProgramMotion* like)
+                             const ProgramMotion* like)
     : MotionBase(std::move(its_scene)),
       program_(std::move(program)),
-      finder_(has_finder ? std::make_unique<StateFinder>(
-                               scene, like != nullptr ? like->finder_.get() : nullptr)
-                         : nullptr),
+      search_(searchesAccelerations(scene) ? std::make_unique<FirstAccelerations>(scene) : nullptr),
       host_(hostMotion(*program_)),
       past_(*program_),
       progress_(scene.solver.maximum_steps),
-      energy_(scene, !has_finder || finder_->system().drivetrain().hasConstantJacobian(),
-              scene.shaftCount()) {
+      energy_(scene, hasMoreThanLaws(scene) || areRowsConstant(scene), scene.shaftCount()) {
   it_.state = state_;
   it_.multiplier = multiplier_;
   it_.reaction = reaction_;
@@ -66,61 +84,27 @@ ProgramMotion::ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgra
   it_.armed = armed_;
   it_.past = past_.data();
   reset();
-  if (finder_ != nullptr) finder_->requireConsistency();
   if (like != nullptr) useCodeOf(*like);
 }
 
 // --- beginnings ------------------------------------------------------------------------------
 
 void ProgramMotion::reset() {
-  time = 0.0;
+  time = scene.initial.time;
   forgetSample();
   commands.reset();
   rhythm_.reset();
-  progress_.begin(0.0);
+  progress_.begin(time);
   it_.choice = {};
   status_ = MotionStatus{};
   statistics_ = Statistics{};
-  signal_origin_ = 0.0;
+  signal_origin_ = time;
   for (int i = 0; i < scene.inputCount(); ++i) {
     signal_[i].reset(scene.inputs[static_cast<std::size_t>(i)]);
   }
   is_start_ = true;
   first_event_ = event_count_ = last_events_ = 0;
   start();
-}
-
-void ProgramMotion::start() {
-  const int S = scene.shaftCount();
-  std::fill_n(state_, 3 * S, 0.0);
-  std::fill_n(multiplier_, kMostRows, 0.0);
-  std::fill_n(reaction_, kMaxShafts, 0.0);
-  std::fill_n(longest_, kMostRows, 0.0);
-  it_.time = it_.time_rest = 0.0;
-  if (finder_ == nullptr) {
-    const InitialConditions& initial = scene.initial;
-    std::copy(initial.angle.begin(), initial.angle.end(), state_);
-    std::copy(initial.velocity.begin(), initial.velocity.end(), state_ + S);
-    std::copy(initial.acceleration.begin(), initial.acceleration.end(), state_ + 2 * S);
-    it_.are_given = initial.acceleration.empty() ? 0 : 1;
-    it_.may_move = initial.project ? 1 : 0;
-    const scene_status status = begin(Begin::kStart);
-    if (status != SCENE_OK && commands.isEmpty()) throwInitialError(status);
-    if (status != SCENE_OK) stop(status);
-  } else {
-    finder_->enterInputs(signal_, 0.0);
-    const bool is_found = finder_->findFirst();
-    finder_->write(state_, multiplier_);
-    it_.are_given = it_.may_move = 1;
-    const scene_status status = begin(is_found ? Begin::kStart : Begin::kSaved);
-    if (!is_found) {
-      status_ = finder_->explainStart();
-    } else if (status != SCENE_OK) {
-      stop(status);
-    }
-  }
-  energy_.begin(calcKineticEnergy());
-  forgetSample();
 }
 
 scene_status ProgramMotion::begin(Begin how) {
@@ -222,49 +206,6 @@ double ProgramMotion::lastInside() const {
   return sinceFront(reached) > 0.0 ? std::nextafter(reached, 0.0) : reached;
 }
 
-void ProgramMotion::stop(scene_status status) {
-  stop(reasonOf(status));
-  status_.time = status == SCENE_NO_MODES ? std::max(it_.stopped, frontTime()) : frontTime();
-  double input[kMaxInputs];
-  for (int i = 0; i < scene.inputCount(); ++i) {
-    input[i] = signal_[i].value(frontTime() - signal_origin_);
-  }
-  StateView front{};
-  front.time = frontTime();
-  front.angle = state_;
-  front.input = input;
-  if (quantities.isInertiaLost(front)) status_.reason = StopReason::kIndefiniteInertia;
-  host_->leave(&it_);
-  if (status == SCENE_STEP_TOO_LARGE) {
-    status_.measure = it_.error * scene.solver.relative_tolerance;
-    return;
-  }
-  if (finder_ != nullptr && status != SCENE_CHATTERING) explainStop();
-  // (Of accelerations that follow from the state: those of gauss.)
-  const bool is_lost = it_.rounding > 1.0 && status_.reason == StopReason::kStepUnderflow;
-  if (!is_lost || status != SCENE_TOO_MANY_STEPS) return;
-  status_.reason = StopReason::kToleranceTooSmall;
-  status_.measure = it_.rounding;
-}
-
-void ProgramMotion::explainStop() {
-  CommandSignal now[kMaxInputs];
-  const double at = (it_.time - signal_origin_) + it_.time_rest;
-  for (int i = 0; i < scene.inputCount(); ++i) {
-    now[i] = signal_[i];
-    if (now[i].segmentEnd() <= at) now[i].finishSegment();
-    now[i].moveOrigin(at);
-  }
-  if (status_.reason == StopReason::kJumpFailed) {
-    if (scene.constraintCount() == 1) status_.constraint = 0;
-    return;
-  }
-  // (Where a formula has no series steps end, too.)
-  if (status_.reason == StopReason::kNonFiniteValue) status_.reason = StopReason::kStepUnderflow;
-  finder_->enterInputs(now, frontTime());
-  finder_->explainStop(state_, longest_, &status_);
-}
-
 // --- commands --------------------------------------------------------------------------------
 
 bool ProgramMotion::cut() {
@@ -320,7 +261,7 @@ void ProgramMotion::changeInitialInputs() {
 
 // --- samples ---------------------------------------------------------------------------------
 
-void ProgramMotion::takeSample(Sample* sample) {
+scene_status ProgramMotion::look(double at, Sample* sample, double* jerk) {
   vs_seen_hold seen_hold[kMaxHolds];
   double on_shaft[kMaxHolds * kMaxShafts];
   vs_seen seen = {sample->angle,
@@ -335,8 +276,9 @@ void ProgramMotion::takeSample(Sample* sample) {
                   0.0,
                   seen_hold,
                   on_shaft,
-                  seen_input_};
-  const scene_status status = host_->see(insideStep(time), &seen);
+                  seen_input_,
+                  jerk};
+  const scene_status status = host_->see(at, &seen);
   kinetic_ = seen.kinetic;
   for (int h = 0; h < program_->HOLDS; ++h) {
     const vs_seen_hold& from = seen_hold[h];
@@ -351,14 +293,17 @@ void ProgramMotion::takeSample(Sample* sample) {
     valueOf(expression::HeldValue::kMode) = from.mode;
     valueOf(expression::HeldValue::kCounts) = from.counts;
   }
+  return status;
+}
+
+void ProgramMotion::takeSample(Sample* sample) {
+  const scene_status status = look(insideStep(time), sample, nullptr);
   if (status == SCENE_OK || !status_.ok()) return;
   stop(status);
   status_.time = time;
 }
 
-StateView ProgramMotion::view() {
-  const Sample& now = sample();
-  const double at = signalTime();
+void ProgramMotion::writeInputValues(double at) {
   for (int i = 0; i < scene.inputCount(); ++i) {
     CommandSignal signal = signal_[i];
     if (signal.segmentEnd() <= at) signal.finishSegment();
@@ -373,6 +318,19 @@ StateView ProgramMotion::view() {
     input_rate_[i] = moment.rate;
     input_second_rate_[i] = moment.second_rate;
   }
+}
+
+StateView ProgramMotion::viewOf(const double* state, double at) {
+  const int S = scene.shaftCount();
+  writeInputValues(at - signal_origin_);
+  return {at,           state,       state + S,          state + 2 * S,
+          input_value_, input_rate_, input_second_rate_, program_->HOLDS > 0 ? held_ : nullptr,
+          held_value_};
+}
+
+StateView ProgramMotion::view() {
+  const Sample& now = sample();
+  writeInputValues(signalTime());
   return {time,         now.angle,   now.velocity,       now.acceleration,
           input_value_, input_rate_, input_second_rate_, program_->HOLDS > 0 ? held_ : nullptr,
           held_value_};

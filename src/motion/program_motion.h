@@ -1,17 +1,18 @@
-/// The motion of a scene by its own program (src/runtime), which makes all steps. The equations of
-/// shafts and constraints (StateFinder) find the state that it begins with, and tell why it stops.
+/// The motion of a scene by its own program (src/runtime), which finds the state that it begins
+/// with and makes all steps.
 #pragma once
 
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "dynamics/first_accelerations.h"
 #include "motion/command_rhythm.h"
 #include "motion/energy_balance.h"
 #include "motion/motion_base.h"
 #include "motion/motion_past.h"
 #include "motion/progress.h"
-#include "motion/state_finder.h"
+#include "motion/stop_message.h"
 #include "motion/time_resolution.h"
 #include "motion_program/motion_steps.h"
 
@@ -19,12 +20,14 @@ namespace variator_sim {
 
 class ProgramMotion final : public MotionBase {
  public:
-  /// `finder`: of the same scene, or null for one with elements that hold, states, events, delays
-  /// or an inertia by formulas, whose program finds the state to begin with itself. `like`: has
-  /// machine code that may fit, or nullptr. Throws SceneError where the initial values contradict
-  /// the constraints.
-  ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgram> program, bool has_finder,
+  /// `like`: has machine code that may fit, or nullptr. Throws SceneError where the initial values
+  /// contradict the constraints.
+  ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgram> program,
                 const ProgramMotion* like = nullptr);
+
+  /// True where elements that hold, reactions beside the gradient, states, events, delays or an
+  /// inertia by formulas belong to a scene: more than laws of its shafts.
+  static bool hasMoreThanLaws(const Scene& scene);
 
   const MotionStatus& status() const override { return status_; }
   Statistics& statistics() override { return statistics_; }
@@ -75,13 +78,31 @@ class ProgramMotion final : public MotionBase {
   /// Returns that of the current sample, J.
   double calcKineticEnergy();
 
-  /// Begins at time 0 with the inputs as they are. Throws SceneError where nothing begins and no
-  /// command has come.
+  /// Begins at the initial time with the inputs as they are. Throws SceneError where the initial
+  /// values contradict the constraints and no command has come.
   void start();
   /// Begins with the state in it_.
   scene_status begin(Begin how);
-  /// The same from a state of elsewhere.
+  /// Begins at the state, or at the nearest one that the constraints allow if it `may_move`, with
+  /// its accelerations if they `are_given`. Where it does not, tells why in misfit_ or, of
+  /// SCENE_SINGULAR and SCENE_NOT_FINITE, in status_, and begins at the state as it is.
+  scene_status beginNear(Begin how, bool are_given, bool may_move);
+  struct Left;
+  /// Begins as `how` says, and writes what that has led to.
+  scene_status tryToBegin(Begin how, bool are_given, bool may_move, Left* left);
+  /// Looks for the accelerations of a beginning, where psi is not linear in them, and begins with
+  /// them.
+  scene_status beginWithFound(Begin how, bool are_given, Left* left);
+  /// Compare what a beginning has led to with the values that were given.
+  scene_status judgeVelocities(scene_status status, bool may_move, const Left& left);
+  scene_status judgeAccelerations(const Left& left);
+  /// Tells why no accelerations are found from those in state_.
+  scene_status explainFault(scene_status status);
+  bool isOnConstraints(const StateView& state) const;
+  /// Begins from a state of elsewhere.
   scene_status goOnFrom(const MotionState& state, bool may_move);
+  /// True where a motion may go on from a saved state to the bit.
+  bool isConsistent(const MotionState& state);
   /// Writes the closed forms of the inputs at the current time.
   void describeInputs();
   /// True where the program makes implicit steps.
@@ -102,16 +123,35 @@ class ProgramMotion final : public MotionBase {
   /// Stops at the end of the last step, and finds out why.
   void stop(scene_status status);
   void explainStop();
+  /// Looks for a law that is not finite, or accelerations that end, just ahead of the front, whose
+  /// state has these slopes. `least`: the first distance, s.
+  bool findFaultAhead(const double* slope, double least);
+  /// Looks for another branch of accelerations from `least` to `reach` s ahead: the fold at which a
+  /// branch ends lies within the shortest step.
+  bool leapsAhead(const double* slope, double least, double reach);
+  /// Names the first law whose branch changes within `reach` s of the front, on either side.
+  void nameBranch(const double* slope, double reach);
+  /// Names the row of C that has lost rank or nearly so.
+  bool findLostRow(const StateView& state, int highest_order);
+  /// Names a law that is not finite at a state.
+  bool findBadValue(const StateView& state);
+  /// Returns the view of 3 S values at a time, with the inputs there.
+  StateView viewOf(const double* state, double at);
+  void writeInputValues(double at);
+  /// The same as takeSample, without a stop.
+  scene_status look(double at, Sample* sample, double* jerk);
   static StopReason reasonOf(scene_status status);
   void noteEvents();
   /// Copies what belongs to elements that hold into a state, and back.
   void saveHeld(HeldState* held) const;
   void restoreHeld(const HeldState* held);
-  /// Writes the element that is to blame for a stop at `state` into `told`; returns the function
-  /// of the branch at which it stopped, or "".
-  std::string findCulprit(const StateView& state, MotionStatus* told) const;
+  /// Writes what is to blame for a stop into `told`, as far as it is not known yet; returns the
+  /// function of the branch at which it stopped, or "".
+  std::string findCulprit(MotionStatus* told) const;
+  /// Returns a sentence why the motion cannot go on from a state of elsewhere.
+  std::string describeFault(scene_status status);
   [[noreturn]] void throwInitialError(scene_status status);
-  [[noreturn]] void throwInitialMode();
+  [[noreturn]] void throwInitialMode() const;
   double sinceFront(double at) const { return (at - it_.time) - it_.time_rest; }
   /// The time since the start of the last step, s.
   double insideStep(double at) const { return (at - begin_) - begin_rest_; }
@@ -120,7 +160,8 @@ class ProgramMotion final : public MotionBase {
   static constexpr int kFewSteps = 3;
 
   const std::shared_ptr<const MotionProgram> program_;
-  const std::unique_ptr<StateFinder> finder_;  ///< or null
+  /// Of a scene in which psi is not linear in the accelerations, or null.
+  const std::unique_ptr<FirstAccelerations> search_;
   std::unique_ptr<HostedMotion> host_;
   std::unique_ptr<HostedMotion> next_host_;  ///< takes over at the next beginning, or null
   std::shared_ptr<KernelLibrary> library_;   ///< of machine code, or null
@@ -143,6 +184,8 @@ class ProgramMotion final : public MotionBase {
   bool is_still_ = false;
 
   MotionStatus status_;
+  Misfit misfit_;              ///< of the last beginning
+  const char* function_ = "";  ///< of the branch at which the motion stopped
   Statistics statistics_;
   Progress progress_;
   CommandRhythm rhythm_;

@@ -28,6 +28,7 @@ class Quantities {
   /// `state`. [loop]
   void calc(QuantityGroup group, const StateView& state, const Sample& sample,
             double* values) const;
+  DenseMatrix calcInertia(const StateView& state) const;
   /// True where J, if formulas give it, is not positive definite, or hardly so.
   bool isInertiaLost(const StateView& state) const;
 
@@ -35,7 +36,6 @@ class Quantities {
   void calcOutputs(const StateView& state, const Sample& sample, double* values) const;
   /// Writes G, Z = 1/2 G^T J^-1 G and 1/2 R^T J^-1 R.
   void calcPrinciple(const StateView& state, const Sample& sample, double* values) const;
-  DenseMatrix calcInertia(const StateView& state) const;
   void calcElements(const StateView& state, double* values) const;
   void calcInputs(InputKind kind, const StateView& state, double* values) const;
 

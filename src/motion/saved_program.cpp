@@ -60,10 +60,10 @@ scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
     it_.choice.method = 1;
     it_.choice.left = kFewSteps;
   }
-  it_.are_given = state.is_acceleration_given ? 1 : 0;
-  it_.may_move = may_move ? 1 : 0;
   if (state.history.exists && !past_.restore(state.history.past)) return SCENE_BAD_ARGUMENT;
-  const scene_status status = begin(state.history.exists ? Begin::kSaved : Begin::kWritten);
+  const scene_status status =
+      state.history.exists ? begin(Begin::kSaved)
+                           : beginNear(Begin::kWritten, state.is_acceleration_given, may_move);
   if (state.history.exists) {
     energy_.resume(state.history.energy, time);
   } else {
@@ -76,26 +76,26 @@ scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
 std::string ProgramMotion::setState(const MotionState& state, bool project) {
   MotionState before;
   if (!saveState(&before)) return "the motion has stopped";
-  MotionState found = state;
-  if (finder_ != nullptr) {
-    finder_->enterInputs(state.signal, state.time);
-    // A saved state that is consistent goes on to the bit; a written one is polished.
-    const bool is_saved = state.history.exists && finder_->accept(state, false);
-    if (!is_saved && !finder_->accept(state, project)) {
-      std::string fault = finder_->describeInconsistency(state);
-      goOnFrom(before, false);
-      return fault;
-    }
-    if (!is_saved) found = finder_->found(state);
+  MotionState taken = state;
+  // A saved state that is consistent goes on to the bit; any other one is settled.
+  if (state.history.exists && !isConsistent(state)) {
+    taken.history = {};
+    taken.is_acceleration_given = true;
   }
-  const scene_status status = goOnFrom(found, project || finder_ != nullptr);
+  const scene_status status = goOnFrom(taken, project);
   if (status == SCENE_OK && status_.ok()) return "";
-  std::string fault =
-      status == SCENE_INCONSISTENT
-          ? "the velocities or accelerations do not satisfy the constraints; 'project' moves them"
-          : std::string("the motion cannot go on from there: ") + toString(reasonOf(status));
+  const std::string fault = describeFault(status);
   goOnFrom(before, false);
   return fault;
+}
+
+std::string ProgramMotion::describeFault(scene_status status) {
+  if (misfit_.kind == Misfit::Kind::kNone || misfit_.kind == Misfit::Kind::kModes) {
+    return std::string("the motion cannot go on from there: ") + toString(reasonOf(status));
+  }
+  Sample unused;
+  look(0.0, &unused, nullptr);  // what the laws read beside the state
+  return describeMisfit(scene, misfit_, viewOf(misfit_.given, time));
 }
 
 void ProgramMotion::saveHeld(HeldState* held) const {

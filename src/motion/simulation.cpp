@@ -17,13 +17,6 @@ namespace variator_sim {
 
 namespace {
 
-/// Tells whether the equations of shafts and constraints are not all of a motion's: its program
-/// finds the start itself.
-bool startsByProgram(const Scene& scene) {
-  return !scene.holdNames().empty() || !scene.nameOfDirection().empty() || scene.hasMemory() ||
-         !scene.inertia_formulas.empty();
-}
-
 std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
   if (scene.shaftCount() < 1 || scene.shaftCount() > kMaxShafts) {
     throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
@@ -32,14 +25,13 @@ std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
     return std::make_shared<const MotionProgram>(scene, std::vector<expression::Node>{},
                                                  MotionProgram::Steps::kByStepper);
   };
-  const bool has_finder = !startsByProgram(scene);
   auto program =
-      has_finder
-          ? make()
-          : orRefuse(
+      ProgramMotion::hasMoreThanLaws(scene)
+          ? orRefuse(
                 "cannot be stepped by power series, as states, events and elements that hold are",
-                make);
-  return std::make_unique<ProgramMotion>(std::move(scene), std::move(program), has_finder,
+                make)
+          : make();
+  return std::make_unique<ProgramMotion>(std::move(scene), std::move(program),
                                          dynamic_cast<const ProgramMotion*>(like));
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "motion/culprit.h"
+#include "variator_sim/errors.h"
 
 namespace variator_sim {
 namespace {
@@ -201,52 +202,53 @@ std::string StopMessage::write() {
 }
 
 /// Returns " residual of 'variator' = 0.1, ..", of each constraint that a start has to satisfy.
-std::string listResiduals(System& system, const Start& start, const StateView& state) {
-  const Drivetrain& drivetrain = system.drivetrain();
-  const bool of_velocities = start.velocities_at_fault;
+std::string listResiduals(const Scene& scene, const Misfit& misfit, const StateView& state) {
   std::string text;
-  for (int m : of_velocities ? drivetrain.velocityRows() : drivetrain.accelerationRows()) {
+  for (const ConstraintPtr& constraint : scene.constraints) {
+    if (constraint->order() > (misfit.of_velocities ? 1 : 2)) continue;
     double C[kMaxShafts];
-    const Constraint& constraint = drivetrain.constraint(m);
-    text += (text.empty() ? " residual of '" : ", residual of '") + constraint.name() + "' = " +
-            formatNumber(of_velocities ? constraint.calcResidual(state)
-                                       : constraint.calcResidualAndJacobian(state, C));
+    text += (text.empty() ? " residual of '" : ", residual of '") + constraint->name() + "' = " +
+            formatNumber(misfit.of_velocities ? constraint->calcResidual(state)
+                                              : constraint->calcResidualAndJacobian(state, C));
   }
   return text;
 }
 
-std::string levelOf(const Start& start) {
-  return start.velocities_at_fault ? "velocities" : "accelerations";
+std::string levelOf(const Misfit& misfit) {
+  return misfit.of_velocities ? "velocities" : "accelerations";
 }
 
-bool isUncertain(const Start& start) {
-  return start.result == InitialResult::kNotUnique || start.result == InitialResult::kDoubtful;
+bool isUncertain(const Misfit& misfit) {
+  return misfit.kind == Misfit::Kind::kNotUnique || misfit.kind == Misfit::Kind::kDoubtful;
 }
 
 /// Says that no consistent values were found at `near`, the place of the search.
-std::string tellNotFound(const Start& start, const std::string& near,
+std::string tellNotFound(const Misfit& misfit, const std::string& near,
                          const std::string& residuals) {
-  return "no " + levelOf(start) + " that satisfy the constraints were found " + near +
-         " (there:" + residuals + ")";
+  return "no " + levelOf(misfit) + " that satisfy the constraints were found " + near +
+         (residuals.empty() ? "" : " (there:" + residuals + ")");
 }
 
-/// Returns the nearest values with `remedy`, their use.
-std::string tellNearest(System& system, const Start& start, const std::string& residuals,
+/// Returns the residuals and the nearest values with `remedy`, their use.
+std::string tellNearest(const Scene& scene, const Misfit& misfit, const std::string& residuals,
                         const std::string& remedy) {
-  return residuals + "; the nearest consistent " + levelOf(start) + " are " +
-         formatNumbers(start.nearest, system.shafts()) + " (" + remedy + ")";
+  return residuals +
+         (residuals.empty() ? " the nearest consistent " : "; the nearest consistent ") +
+         levelOf(misfit) + " are " + formatNumbers(misfit.nearest, scene.shaftCount()) + " (" +
+         remedy + ")";
 }
 
 /// Returns the candidates that have the same reaction, or may have.
-std::string listCandidates(System& system, const Start& start) {
+std::string listCandidates(const Scene& scene, const Misfit& misfit,
+                           const LeastReactionSearch& search) {
   std::string text =
-      start.result == InitialResult::kNotUnique
+      misfit.kind == Misfit::Kind::kNotUnique
           ? "more than one has the least reaction, and they lead to different motions: "
           : "which one has the least reaction is not certain, the constraints have too many like "
             "these: ";
-  for (int n = 0; n < system.search().candidateCount(); ++n) {
-    const auto& candidate = system.search().candidate(n);
-    text += (n > 0 ? ", " : "") + formatNumbers(candidate.epsilon, system.shafts()) +
+  for (int n = 0; n < search.candidateCount(); ++n) {
+    const auto& candidate = search.candidate(n);
+    text += (n > 0 ? ", " : "") + formatNumbers(candidate.epsilon, scene.shaftCount()) +
             " with 1/2 R^T J^-1 R = " + formatNumber(candidate.reaction);
   }
   return text + "; give 'initial/acceleration'";
@@ -286,43 +288,41 @@ std::string describeStop(const Scene& scene, const MotionStatus& status, const S
   return StopMessage(scene, status, state, inertia, function).write();
 }
 
-std::string describeInconsistency(System& system, const Start& start, const double* given) {
-  if (isUncertain(start)) {
+std::string describeMisfit(const Scene& scene, const Misfit& misfit, const StateView& state) {
+  if (isUncertain(misfit)) {
     return "which accelerations have the least reaction is not certain; give them";
   }
-  StateView state = system.view(0.0, start.x);
-  if (!start.velocities_at_fault) state.acceleration = given;
   const std::string values =
-      formatNumbers(start.velocities_at_fault ? state.velocity : given, system.shafts());
-  const std::string residuals = listResiduals(system, start, state);
-  if (start.result != InitialResult::kInconsistent) {
-    return tellNotFound(start, "near " + values, residuals);
+      formatNumbers(misfit.of_velocities ? state.velocity : state.acceleration, scene.shaftCount());
+  const std::string residuals = listResiduals(scene, misfit, state);
+  if (misfit.kind == Misfit::Kind::kNotFound) {
+    return tellNotFound(misfit, "near " + values, residuals);
   }
-  return "the " + levelOf(start) + " " + values +
+  return "the " + levelOf(misfit) + " " + values +
          " do not satisfy the constraints or the principle:" +
-         tellNearest(system, start, residuals, "set these, or have them projected");
+         tellNearest(scene, misfit, residuals, "set these, or have them projected");
 }
 
-void throwInitialError(System& system, const Scene& scene, const Start& start) {
-  const bool of_velocities = start.velocities_at_fault;
-  const std::vector<double>& given =
-      of_velocities ? scene.initial.velocity : scene.initial.acceleration;
-  StateView state = system.view(0.0, start.x);
+void throwInitialError(const Scene& scene, const Misfit& misfit, const StateView& state,
+                       const LeastReactionSearch* search) {
+  const bool of_velocities = misfit.of_velocities;
+  const std::string residuals = listResiduals(scene, misfit, state);
   std::string text;
-  if (isUncertain(start)) {
-    text = listCandidates(system, start);
-  } else if (start.result != InitialResult::kInconsistent) {
-    const std::string near = given.empty()
-                                 ? "from the free accelerations; give 'initial/acceleration'"
-                                 : "near those given";
-    text = tellNotFound(start, near, listResiduals(system, start, state));
+  if (isUncertain(misfit)) {
+    text = listCandidates(scene, misfit, *search);
+  } else if (misfit.kind == Misfit::Kind::kNotFound) {
+    const bool is_given = of_velocities || !scene.initial.acceleration.empty();
+    const std::string values = formatNumbers(state.acceleration, scene.shaftCount());
+    text = tellNotFound(
+        misfit,
+        is_given ? "near those given" : "from " + values + " rad/s^2; give 'initial/acceleration'",
+        residuals);
   } else {
-    (of_velocities ? state.velocity : state.acceleration) = given.data();
     const bool by_principle = scene.principle == Principle::kGauss && !of_velocities;
-    text = formatNumbers(given.data(), system.shafts()) +
+    text = formatNumbers(of_velocities ? state.velocity : state.acceleration, scene.shaftCount()) +
            (by_principle ? " is not what the principle 'gauss' gives:"
                          : " does not satisfy the constraints:") +
-           tellNearest(system, start, listResiduals(system, start, state),
+           tellNearest(scene, misfit, residuals,
                        "write these, or set 'initial/project: true' to start there");
   }
   throw SceneError(of_velocities ? "initial/velocity" : "initial/acceleration",

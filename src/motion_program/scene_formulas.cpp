@@ -208,6 +208,7 @@ void addHolds(const Scene& scene, SceneFormulas& made) {
 }  // namespace
 
 SceneFormulas collectFormulas(const Scene& scene) {
+  requireOwnFormulas(scene);
   SceneFormulas made;
   made.has_directions = isFormal(scene);
   for (const TorquePtr& element : scene.torques) {

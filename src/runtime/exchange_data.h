@@ -71,6 +71,7 @@ typedef struct {
   vs_seen_hold* hold;                                    /* of elements that hold, HOLDS */
   SCENE_REAL* on_shaft;                                  /* N m, of each on each shaft: HOLDS S */
   SCENE_REAL* input;                                     /* value, rate, second rate; 3 INPUTS */
+  SCENE_REAL* jerk;                                      /* S; 0: not asked for */
 } vs_seen;
 
 /* The constants of a program whose text has none: machine code that scenes share. */

@@ -383,6 +383,7 @@ static void fmu_look(fmu_motion* m) {
   seen.hold = hold;
   seen.on_shaft = on_shaft;
   seen.input = input;
+  seen.jerk = 0;
   status = (scene_status)vs_host_see(&m->host, fmu_inside(m), &seen);
   if (m->status == SCENE_OK) m->status = status;
   for (i = 0; i < HOLDS; ++i) {

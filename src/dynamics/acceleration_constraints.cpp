@@ -1,0 +1,91 @@
+#include "dynamics/acceleration_constraints.h"
+
+#include <algorithm>
+
+namespace variator_sim {
+
+namespace {
+
+std::vector<const Constraint*> listOfOrders1And2(const Scene& scene) {
+  std::vector<const Constraint*> listed;
+  for (const ConstraintPtr& it : scene.constraints) {
+    if (it->order() < 3) listed.push_back(it.get());
+  }
+  return listed;
+}
+
+}  // namespace
+
+AccelerationConstraints::AccelerationConstraints(const Scene& scene)
+    : S(scene.shaftCount()),
+      scene_(scene),
+      varying_(scene.inertia, scene.inertia_harmonics),
+      J_(S, S),
+      mobility_(S, S),
+      torque_(S),
+      free_(S),
+      constraints_(listOfOrders1And2(scene)),
+      rows_(S, rowCount()) {
+  for (const Constraint* const it : constraints_) {
+    nonlinear_ |= it->nonlinearAccelerations();
+    for (const ConstraintPtr& kink : it->kinks()) {
+      if (kinks_.size() < kMostKinks) kinks_.push_back(kink.get());
+    }
+  }
+}
+
+void AccelerationConstraints::enter(const StateView& state) {
+  if (!varying_.isConstant()) varying_.update(state.angle);
+  torque_.setZero();
+  for (const TorquePtr& it : scene_.torques) it->addTorque(state, torque_.data());
+  for (int i = 0; i < S; ++i) {
+    torque_(i) -= 0.5 * varying_.first(i) * state.velocity[i] * state.velocity[i];
+    const Vector unit = Vector::Unit(S, i);
+    varying_.multiply(unit.data(), J_.col(i).data());
+    varying_.solve(unit.data(), mobility_.col(i).data());
+  }
+  varying_.solve(torque_.data(), free_.data());
+}
+
+bool AccelerationConstraints::factor(const StateView& state, double* psi) {
+  for (int m = 0; m < rowCount(); ++m) {
+    psi[m] = row(m).calcResidualAndJacobian(state, rows_.row(m));
+  }
+  return rows_.factor(mobility_);
+}
+
+bool AccelerationConstraints::calcCorrection(const StateView& state, double* delta) {
+  double psi[kMaxConstraints];
+  if (!factor(state, psi)) return false;
+  for (int m = 0; m < rowCount(); ++m) psi[m] = -psi[m];
+  rows_.solve(psi, psi);
+  std::fill_n(delta, S, 0.0);
+  rows_.addReaction(psi, delta);
+  return true;
+}
+
+bool AccelerationConstraints::calcLinearizedReaction(const StateView& state, double* delta) {
+  double psi[kMaxConstraints];
+  if (!factor(state, psi)) return false;
+  for (int m = 0; m < rowCount(); ++m) {
+    for (int i = 0; i < S; ++i) psi[m] += rows_.row(m)[i] * (free_(i) - state.acceleration[i]);
+    psi[m] = -psi[m];
+  }
+  rows_.solve(psi, psi);
+  std::fill_n(delta, S, 0.0);
+  rows_.addReaction(psi, delta);
+  return true;
+}
+
+bool AccelerationConstraints::calcMultipliers(const StateView& state, double* lambda) {
+  double psi[kMaxConstraints];
+  if (!factor(state, psi)) return false;
+  for (int m = 0; m < rowCount(); ++m) {
+    lambda[m] = 0.0;
+    for (int i = 0; i < S; ++i) lambda[m] += rows_.row(m)[i] * (state.acceleration[i] - free_(i));
+  }
+  rows_.solve(lambda, lambda);
+  return true;
+}
+
+}  // namespace variator_sim

@@ -1,0 +1,234 @@
+/// Beginnings of a motion by the scene's program: at the start, and at states of elsewhere.
+#include <algorithm>
+#include <cmath>
+
+#include "motion/program_motion.h"
+
+namespace variator_sim {
+
+namespace {
+
+/// Given values count as consistent when the nearest consistent ones are not further away than
+/// this, relative to max(1, |largest|): what is left of values printed with ten digits.
+bool isNear(const double* given, const double* found, int count) {
+  constexpr double kConsistent = 1e-9;
+  double scale = 1.0;
+  double distance = 0.0;
+  for (int i = 0; i < count; ++i) {
+    scale = std::max(scale, std::abs(given[i]));
+    if (!(std::abs(found[i] - given[i]) <= distance)) distance = std::abs(found[i] - given[i]);
+  }
+  return distance <= kConsistent * scale;
+}
+
+/// The same of accelerations that follow from the state.
+bool agree(const double* given, const double* found, int count) {
+  for (int i = 0; i < count; ++i) {
+    if (!(std::abs(found[i] - given[i]) <= 1e-6 * std::max(1.0, std::abs(given[i])))) return false;
+  }
+  return true;
+}
+
+bool areFinite(const double* values, int count) {
+  return std::all_of(values, values + count, [](double it) { return std::isfinite(it); });
+}
+
+}  // namespace
+
+/// What the program leaves, beside the motion's own values.
+struct ProgramMotion::Left {
+  Left() {
+    it.state = state;
+    it.multiplier = multiplier;
+    it.reaction = reaction;
+    it.longest = longest;
+    it.input = input;
+    it.hold = hold;
+    it.armed = armed;
+  }
+  Left(const Left&) = delete;
+  Left& operator=(const Left&) = delete;
+
+  vs_exchange it = {};
+  double state[3 * kMaxShafts] = {};
+  double multiplier[kMostRows] = {};
+  double reaction[kMaxShafts] = {};
+  double longest[kMostRows] = {};
+  vs_exchanged_signal input[kMaxInputs] = {};
+  vs_exchanged_hold hold[kMaxHolds] = {};
+  int armed[kMaxEvents] = {};
+};
+
+void ProgramMotion::start() {
+  const int S = scene.shaftCount();
+  std::fill_n(state_, 3 * S, 0.0);
+  std::fill_n(multiplier_, kMostRows, 0.0);
+  std::fill_n(reaction_, kMaxShafts, 0.0);
+  std::fill_n(longest_, kMostRows, 0.0);
+  it_.time = time;
+  it_.time_rest = 0.0;
+  const InitialConditions& initial = scene.initial;
+  std::copy(initial.angle.begin(), initial.angle.end(), state_);
+  std::copy(initial.velocity.begin(), initial.velocity.end(), state_ + S);
+  std::copy(initial.acceleration.begin(), initial.acceleration.end(), state_ + 2 * S);
+  const scene_status status =
+      beginNear(Begin::kStart, !initial.acceleration.empty(), initial.project);
+  if (status != SCENE_OK && status_.ok()) {
+    if (commands.isEmpty()) throwInitialError(status);
+    stop(reasonOf(status));
+  }
+  energy_.begin(calcKineticEnergy());
+  forgetSample();
+}
+
+scene_status ProgramMotion::beginNear(Begin how, bool are_given, bool may_move) {
+  const int S = scene.shaftCount();
+  misfit_ = {};
+  std::copy_n(state_, 3 * S, misfit_.given);
+  Left left;
+  scene_status status = tryToBegin(how, are_given, may_move, &left);
+  // The program is stricter with small values beside large ones than isNear is.
+  if (status == SCENE_INCONSISTENT) status = tryToBegin(how, are_given, true, &left);
+  if (status == SCENE_INCONSISTENT) {
+    misfit_.kind = Misfit::Kind::kModes;
+    misfit_.element = left.it.culprit;
+    misfit_.torque = left.it.culprit_torque;
+    misfit_.slip = left.it.culprit_slip;
+    return status;
+  }
+  const double* const velocity = left.state + S;
+  if (areFinite(velocity, S)) std::copy_n(velocity, S, state_ + S);
+  status = judgeVelocities(status, may_move, left);
+  if (status != SCENE_INCONSISTENT && misfit_.kind == Misfit::Kind::kNone) {
+    if (search_ != nullptr) status = beginWithFound(how, are_given, &left);
+    if (status == SCENE_OK && are_given && !may_move) status = judgeAccelerations(left);
+    if (status == SCENE_OK) return status;
+    if (misfit_.kind == Misfit::Kind::kNone) status = explainFault(status);
+  }
+  std::copy_n(misfit_.given, 3 * S, state_);
+  begin(Begin::kSaved);
+  return status;
+}
+
+scene_status ProgramMotion::tryToBegin(Begin how, bool are_given, bool may_move, Left* left) {
+  it_.are_given = are_given ? 1 : 0;
+  it_.may_move = may_move ? 1 : 0;
+  const scene_status status = begin(how);
+  host_->leave(&left->it);
+  return status;
+}
+
+scene_status ProgramMotion::judgeVelocities(scene_status status, bool may_move, const Left& left) {
+  const int S = scene.shaftCount();
+  const double* const given = misfit_.given + S;
+  const double* const found = left.state + S;
+  // Their projection comes first; the accelerations are those given, to the bit, where it fails.
+  const bool is_first = program_->HAS_ORDER_1 != 0 && program_->HOLDS == 0 &&
+                        std::equal(given + S, given + 2 * S, found + S);
+  const bool are_found = areFinite(found, S) && !(status == SCENE_NOT_CONVERGED && is_first);
+  if (are_found && (may_move || isNear(given, found, S))) return status;
+  if (status == SCENE_SINGULAR && is_first) return status;
+  misfit_.of_velocities = true;
+  misfit_.kind = are_found ? Misfit::Kind::kInconsistent : Misfit::Kind::kNotFound;
+  std::copy_n(found, S, misfit_.nearest);
+  return SCENE_INCONSISTENT;
+}
+
+scene_status ProgramMotion::judgeAccelerations(const Left& left) {
+  const int S = scene.shaftCount();
+  const double* const given = misfit_.given + 2 * S;
+  const double* const found = left.state + 2 * S;
+  if (program_->HOLDS > 0) return SCENE_OK;  // the modes give them
+  const bool are_kept =
+      program_->IS_CLASSICAL != 0 ? agree(given, found, S) : isNear(given, found, S);
+  if (are_kept) return SCENE_OK;
+  misfit_.kind = Misfit::Kind::kInconsistent;
+  std::copy_n(found, S, misfit_.nearest);
+  return SCENE_INCONSISTENT;
+}
+
+scene_status ProgramMotion::beginWithFound(Begin how, bool are_given, Left* left) {
+  using Verdict = FirstAccelerations::Verdict;
+  const int S = scene.shaftCount();
+  const bool is_classical = program_->IS_CLASSICAL != 0;
+  const double* const given = misfit_.given + 2 * S;
+  double* const epsilon = state_ + 2 * S;
+  std::copy_n(given, S, epsilon);
+  const StateView at = viewOf(state_, time);
+  const auto follow = [&] {
+    double multipliers[kMaxShafts] = {};
+    std::copy_n(given, S, epsilon);
+    return search_->calcMultipliers(at, multipliers) && search_->follow(at, epsilon, multipliers);
+  };
+  Verdict verdict = Verdict::kFound;
+  if (are_given && !is_classical) {
+    if (!search_->retract(at, epsilon)) {
+      std::copy_n(given, S, epsilon);
+      verdict = Verdict::kNone;
+    }
+  } else if (!(are_given && how == Begin::kWritten && follow())) {
+    verdict = search_->findLeastReaction(at, epsilon);
+    // Given ones select one of several stationary points.
+    if (are_given && (verdict == Verdict::kTie || verdict == Verdict::kDoubtful)) {
+      verdict = follow() ? Verdict::kFound : Verdict::kNone;
+    }
+  }
+  if (verdict == Verdict::kTie) misfit_.kind = Misfit::Kind::kNotUnique;
+  if (verdict == Verdict::kDoubtful) misfit_.kind = Misfit::Kind::kDoubtful;
+  if (verdict != Verdict::kFound) return SCENE_NOT_CONVERGED;
+  if (is_classical) search_->calcMultipliers(at, multiplier_);
+  return tryToBegin(how, true, true, left);
+}
+
+scene_status ProgramMotion::explainFault(scene_status status) {
+  const int S = scene.shaftCount();
+  if (status != SCENE_NOT_CONVERGED && status != SCENE_SINGULAR && status != SCENE_NOT_FINITE) {
+    return status;
+  }
+  const StateView at = viewOf(state_, time);
+  status_.time = time;
+  if (findBadValue(at)) return SCENE_NOT_FINITE;
+  // A rank is lost on psi = 0 only; elsewhere no start was found at all.
+  const bool is_lost = findLostRow(at, 1) || (findLostRow(at, 3) && isOnConstraints(at));
+  if (is_lost) return SCENE_SINGULAR;
+  status_ = MotionStatus{};
+  if (status == SCENE_NOT_FINITE || program_->HAS_RESIDUAL == 0) {  // (sums of laws overflow)
+    status_.reason = StopReason::kNonFiniteValue;
+    status_.time = time;
+    return SCENE_NOT_FINITE;
+  }
+  if (program_->HOLDS > 0) return status;
+  misfit_.kind = Misfit::Kind::kNotFound;
+  std::copy_n(state_ + 2 * S, S, misfit_.given + 2 * S);
+  return SCENE_NOT_CONVERGED;
+}
+
+bool ProgramMotion::isOnConstraints(const StateView& state) const {
+  return std::all_of(scene.constraints.begin(), scene.constraints.end(), [&](const auto& it) {
+    double C[kMaxShafts];
+    return it->order() == 3 || it->calcResidualAndJacobian(state, C) == 0.0;
+  });
+}
+
+bool ProgramMotion::isConsistent(const MotionState& state) {
+  // A state of a motion may lie on an event, the side of which a moment later is its own.
+  constexpr double kMoment = 1e-9;  // s
+  if (hasMoreThanLaws(scene)) return true;
+  MotionState tried = state;
+  tried.history = {};
+  tried.is_acceleration_given = true;
+  const auto goesOn = [&] { return goOnFrom(tried, false) == SCENE_OK && status_.ok(); };
+  if (goesOn()) return true;
+  tried.time += kMoment;
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    tried.angle[i] += kMoment * state.velocity[i];
+    tried.velocity[i] += kMoment * state.acceleration[i];
+  }
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    if (tried.signal[i].segmentEnd() <= kMoment) tried.signal[i].finishSegment();
+    tried.signal[i].moveOrigin(kMoment);
+  }
+  return goesOn();
+}
+
+}  // namespace variator_sim

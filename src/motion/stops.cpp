@@ -1,0 +1,202 @@
+/// Why a motion stops: a law or a row of C that fails at the last state or just ahead of it.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "dynamics/constraint_rows.h"
+#include "motion/culprit.h"
+#include "motion/program_motion.h"
+
+namespace variator_sim {
+
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+/// A state `h` s ahead of another one, along its slopes.
+struct Ahead {
+  Ahead(const double* state, const double* slope, int size, double h) {
+    for (int i = 0; i < size; ++i) values[i] = state[i] + h * slope[i];
+  }
+  double values[3 * kMaxShafts] = {};
+};
+
+}  // namespace
+
+void ProgramMotion::stop(scene_status status) {
+  stop(reasonOf(status));
+  status_.time = status == SCENE_NO_MODES ? std::max(it_.stopped, frontTime()) : frontTime();
+  host_->leave(&it_);
+  if (status == SCENE_STEP_TOO_LARGE) {
+    status_.measure = it_.error * scene.solver.relative_tolerance;
+    return;
+  }
+  explainStop();
+  // (Of accelerations that follow from the state: those of gauss.)
+  const bool is_lost = it_.rounding > 1.0 && status_.reason == StopReason::kStepUnderflow;
+  if (!is_lost || status != SCENE_TOO_MANY_STEPS) return;
+  status_.reason = StopReason::kToleranceTooSmall;
+  status_.measure = it_.rounding;
+}
+
+void ProgramMotion::explainStop() {
+  const int S = scene.shaftCount();
+  const double front = frontTime();
+  function_ = "";
+  Sample sample;
+  double slope[3 * kMaxShafts];
+  look(std::numeric_limits<double>::infinity(), &sample, slope + 2 * S);
+  std::copy_n(state_ + S, 2 * S, slope);
+  const StateView state = viewOf(state_, front);
+  if (quantities.isInertiaLost(state)) status_.reason = StopReason::kIndefiniteInertia;
+  switch (status_.reason) {
+    case StopReason::kChattering:
+    case StopReason::kNoModes:
+    case StopReason::kIndefiniteInertia:
+      return;
+    case StopReason::kJumpFailed:
+      if (scene.constraintCount() == 1) status_.constraint = 0;
+      return;
+    case StopReason::kNonFiniteValue:  // where a formula has no series steps end, too
+      status_.reason = StopReason::kStepUnderflow;
+      break;
+    default:
+      break;
+  }
+  const double least = 1e-14 * std::max(1.0, std::abs(front));
+  const double reach = 1e5 * least;
+  if (findBadValue(state) || findLostRow(state, 3) || findFaultAhead(slope, least)) return;
+  if (status_.reason != StopReason::kStepUnderflow) return;
+  if (leapsAhead(slope, least, reach)) {
+    status_.reason = StopReason::kProjectionFailed;
+    return;
+  }
+  for (int i = 0; i < (program_->IS_CLASSICAL != 0 ? 2 : 3) * S; ++i) {
+    const double rate = std::abs(slope[i]) / std::max(1.0, std::abs(state_[i]));
+    status_.measure = std::max(status_.measure, rate);
+  }
+  nameBranch(slope, reach);
+}
+
+bool ProgramMotion::findBadValue(const StateView& state) {
+  if (!findNonFinite(scene, state, &status_.torque, &status_.constraint)) return false;
+  status_.reason = StopReason::kNonFiniteValue;
+  return true;
+}
+
+bool ProgramMotion::findLostRow(const StateView& state, int highest_order) {
+  const int S = scene.shaftCount();
+  int which[kMaxConstraints];
+  int count = 0;
+  for (int m = 0; m < scene.constraintCount(); ++m) {
+    if (scene.constraints[static_cast<std::size_t>(m)]->order() <= highest_order) {
+      which[count++] = m;
+    }
+  }
+  ConstraintRows rows(S, count);
+  for (int n = 0; n < count; ++n) {
+    double c0;
+    scene.constraints[static_cast<std::size_t>(which[n])]->calcRow(state, rows.row(n), &c0);
+  }
+  const DenseMatrix J = quantities.calcInertia(state);
+  SquareMatrix mobility(S, S);
+  for (int i = 0; i < S; ++i) {
+    DenseVector unit = DenseVector::Unit(S, i);
+    if (!solveSymmetric(J, 0.0, &unit)) return false;
+    mobility.col(i) = unit;
+  }
+  const auto blame = [&](int n, double measure) {
+    status_.reason = StopReason::kSingularConstraint;
+    status_.constraint = which[n];
+    status_.measure = measure;
+    return true;
+  };
+  // The step underflows before the rank is lost outright: eta grows without bound near there.
+  if (!rows.factor(mobility) || rows.rankLeft() < 1e-9) {
+    return blame(rows.weakest(), rows.rankLeft());
+  }
+  for (int n = 0; n < count; ++n) {
+    // If C goes to zero like sqrt(t* - t), the step underflows first, at C ~ 1e-8.
+    const double left = std::sqrt(rows.lengthSquared(n) / std::max(longest_[which[n]], 1e-300));
+    if (left < 1e-5) return blame(n, left);
+  }
+  return false;
+}
+
+bool ProgramMotion::findFaultAhead(const double* slope, double least) {
+  const int S = scene.shaftCount();
+  const double front = frontTime();
+  const bool follows = search_ != nullptr && program_->IS_CLASSICAL != 0;
+  double h = least;
+  for (int decade = 0; decade < 12; ++decade, h *= 10.0) {
+    Ahead ahead(state_, slope, 3 * S, h);
+    if (!std::all_of(ahead.values, ahead.values + 3 * S, [](double x) { return std::isfinite(x); }))
+      return false;
+    double multipliers[kMaxShafts] = {};
+    double* const epsilon = ahead.values + 2 * S;
+    if (follows) {
+      std::copy_n(state_ + 2 * S, S, epsilon);
+      search_->calcMultipliers(viewOf(state_, front), multipliers);
+    }
+    const StateView state = viewOf(ahead.values, front + h);
+    const bool is_solved = !follows || search_->follow(state, epsilon, multipliers);
+    if (!is_solved) std::fill_n(epsilon, S, kNaN);
+    if (findBadValue(state)) return true;
+    if (is_solved) continue;
+    status_.reason = StopReason::kProjectionFailed;
+    return true;
+  }
+  return false;
+}
+
+bool ProgramMotion::leapsAhead(const double* slope, double least, double reach) {
+  const int S = scene.shaftCount();
+  const double front = frontTime();
+  if (search_ == nullptr || program_->IS_CLASSICAL == 0) return false;
+  const int tens = static_cast<int>(std::ceil(std::log10(reach / least)));
+  for (int n = 0; n <= tens; ++n) {
+    const double h = std::min(reach, least * std::pow(10.0, n));
+    Ahead ahead(state_, slope, 2 * S, h);
+    double multipliers[kMaxShafts] = {};
+    double* const epsilon = ahead.values + 2 * S;
+    std::copy_n(state_ + 2 * S, S, epsilon);
+    search_->calcMultipliers(viewOf(state_, front), multipliers);
+    if (!search_->follow(viewOf(ahead.values, front + h), epsilon, multipliers)) return false;
+    // Continued back to the front, another branch leads to other accelerations.
+    if (!search_->follow(viewOf(state_, front), epsilon, multipliers)) continue;
+    for (int i = 0; i < S; ++i) {
+      const double here = state_[2 * S + i];
+      if (!(std::abs(epsilon[i] - here) <= 1e-6 * std::max(1.0, std::abs(here)))) return true;
+    }
+  }
+  return false;
+}
+
+void ProgramMotion::nameBranch(const double* slope, double reach) {
+  const int S = scene.shaftCount();
+  const auto branchAt = [&](const Guard& guard, double h) {
+    const Ahead ahead(state_, slope, 3 * S, h);
+    return guard.branch(viewOf(ahead.values, frontTime() + h));
+  };
+  const auto changesBranch = [&](const Law& law) {
+    for (const GuardPtr& guard : law.guards()) {
+      const int here = branchAt(*guard, 0.0);
+      if (branchAt(*guard, -reach) == here && branchAt(*guard, reach) == here) continue;
+      function_ = guard->function();
+      return true;
+    }
+    return false;
+  };
+  for (std::size_t j = 0; j < scene.torques.size(); ++j) {
+    if (!changesBranch(*scene.torques[j])) continue;
+    status_.torque = static_cast<int>(j);
+    return;
+  }
+  for (std::size_t m = 0; m < scene.constraints.size(); ++m) {
+    if (!changesBranch(*scene.constraints[m])) continue;
+    status_.constraint = static_cast<int>(m);
+    return;
+  }
+}
+
+}  // namespace variator_sim
