@@ -6,7 +6,6 @@
 #include <set>
 
 #include "support/count_allocations.h"
-#include "support/derivatives_by_state.h"
 #include "support/documents.h"
 #include "support/faults.h"
 #include "support/scenes.h"
@@ -91,16 +90,6 @@ TEST(Plugins, HaveTheRowsOfTheirFormulas) {
       };
       expectC("row");
       EXPECT_NEAR(c0[0], c0[1], 1e-12 * std::max(1.0, std::abs(c0[1])));
-      double dC[2][12];
-      double dc0[2][6];
-      plugin.calcRowDerivatives(x, dC[0], dc0[0]);
-      formula.calcRowDerivatives(x, dC[1], dc0[1]);
-      for (int i = 0; i < 12; ++i) {
-        EXPECT_NEAR(dC[0][i], dC[1][i], 1e-12 * std::max(1.0, std::abs(dC[1][i]))) << i;
-      }
-      for (int i = 0; i < 6; ++i) {
-        EXPECT_NEAR(dc0[0][i], dc0[1][i], 1e-12 * std::max(1.0, std::abs(dc0[1][i]))) << i;
-      }
       if (plugin.order() == 3) continue;
       EXPECT_NEAR(plugin.calcResidual(x), formula.calcResidual(x), 1e-12);
       EXPECT_NEAR(plugin.calcResidualAndJacobian(x, C[0]), formula.calcResidualAndJacobian(x, C[1]),
@@ -127,11 +116,7 @@ TEST(Plugins, AllocateNothing) {
     plugin.calcResidual(x);
     if (plugin.order() < 3) plugin.calcResidualAndJacobian(x, C);
     plugin.calcPartials(x, partials);
-    plugin.calcJacobianRate(x, C, H);
     plugin.calcHessian(x, H);
-    double dC[12];
-    double dc0[6];
-    plugin.calcRowDerivatives(x, dC, dc0);
     EXPECT_EQ(allocations, before);
   }
 }
@@ -195,7 +180,7 @@ const Statement kStatements[] = {
      true, true},
 };
 
-TEST(Plugins, HaveTheDerivativesOfTheirRowsAndDependOnWhatTheyState) {
+TEST(Plugins, DependOnWhatTheyState) {
   std::set<std::string> types{"variator_sim/ExpressionConstraint"};
   for (const Statement& statement : kStatements) {
     SCOPED_TRACE(statement.plugin);
@@ -206,16 +191,6 @@ TEST(Plugins, HaveTheDerivativesOfTheirRowsAndDependOnWhatTheyState) {
     EXPECT_EQ(it.dependence().time, statement.time);
     EXPECT_FALSE(it.dependence().angle);
     EXPECT_EQ(it.hasConstantJacobian(), statement.constant_C);
-    for (int n = 0; n < 5; ++n) {
-      const double angle[] = {0.2 * n, 1.0 - n};
-      const double velocity[] = {4.0 + 0.7 * n, 3.1 - 0.9 * n};
-      const double acceleration[] = {1.3 - n, 0.4 + 0.8 * n};
-      const double input[] = {0.0, 0.7};
-      const double rate[] = {0.0, 0.3 - n};
-      const double second[] = {0.0, 1.1};
-      const StateView x{0.2 + 0.3 * n, angle, velocity, acceleration, input, rate, second};
-      test::expectRowDerivatives(it, x);
-    }
   }
   const std::vector<std::string> all = BuiltinComponentFactory().constraintTypes();
   EXPECT_EQ(types, std::set<std::string>(all.begin(), all.end()));
@@ -269,11 +244,6 @@ TEST(Plugins, AnImposedRatioEntersWithItsTwoDerivatives) {
     table.constraints[0]->calcRow(x, C, &c0);
     EXPECT_NEAR(C[0], -curve.value(t), 1e-14);
     EXPECT_NEAR(c0, -(2.0 * curve.slope(t) * 1.3 + curve.curvature(t) * 4.0), 1e-12);
-    double dC[12];
-    double dc0[6];
-    table.constraints[0]->calcRowDerivatives(x, dC, dc0);
-    EXPECT_NEAR(dc0[2], -curve.curvature(t), 1e-15) << "by omega_a";
-    EXPECT_NEAR(dc0[4], -2.0 * curve.slope(t), 1e-15) << "by epsilon_a";
     commanded.constraints[0]->calcRow(x, C, &c0);
     EXPECT_NEAR(C[0], -input[1], 1e-14);
     EXPECT_NEAR(c0, -(2.0 * 0.2 * 1.3 + -0.9 * 4.0), 1e-12);

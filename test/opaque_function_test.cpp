@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "support/scenes.h"
-#include "variator_sim/expression/state_derivatives.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/linear_model.h"
 
@@ -125,7 +124,6 @@ TEST(OpaqueFunction, HasFurtherDerivativesByDifferences) {
   EXPECT_NEAR(values[0], 4.0 * 2.0, 1e-10);
   EXPECT_NEAR(values[1], 4.0, 1e-6);
   EXPECT_NEAR(values[2], -std::sin(0.3), 1e-11);
-  EXPECT_FALSE(expression::StateDerivatives(graph, {slope}, 2).areDifferences());
 }
 
 /// A law of the shafts with x^2 y + sin z; as a formula, or as an opaque function.

@@ -1,11 +1,9 @@
-// The symmetric solve against four other ways to the same jerk: the full KKT system, the paper's
+// The jerk at the start of scenes against four other ways to it: the full KKT system, the paper's
 // [12] with [15], the null-space form [10], and the stationarity of S1 [16].
-#include "variator_sim/principle.h"
-
-#include <gtest/gtest.h>
-
 #include <Eigen/Dense>
 #include <random>
+
+#include "support/scenes.h"
 
 namespace variator_sim {
 namespace {
@@ -44,24 +42,53 @@ Problem makeProblem(std::mt19937& random, int s, int k, bool coupled) {
   return problem;
 }
 
-/// eta and Lambda by the code under test.
-bool solve(const Problem& problem, Vector* eta, Vector* Lambda) {
-  const Inertia inertia(problem.J);
-  const int S = inertia.shafts();
-  const int k = static_cast<int>(problem.C.rows());
-  ConstraintSolver solver(S, k);
-  for (int m = 0; m < k; ++m) {
-    for (int i = 0; i < S; ++i) solver.row(m)[i] = problem.C(m, i);
+std::string exactly(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.17g", value);
+  return text;
+}
+
+/// The scene of a problem: constraints C eta + c0 = 0 and torques that begin with their rates.
+std::string sceneOf(const Problem& problem) {
+  std::string shafts;
+  std::string coupling;
+  std::vector<std::string> elements;
+  const auto S = static_cast<int>(problem.J.rows());
+  const auto name = [](int i) { return std::string("s") + std::to_string(i); };
+  for (int i = 0; i < S; ++i) {
+    shafts += (i > 0 ? ", " : "") + name(i) + " " + exactly(problem.J(i, i));
+    elements.push_back("q" + std::to_string(i) + " on " + name(i) + ": t*(" +
+                       exactly(problem.torque_rate(i)) + ")");
+    for (int n = 0; n < i; ++n) {
+      if (problem.J(i, n) == 0.0) continue;
+      coupling += (coupling.empty() ? "[" : ", [") + name(n) + ", " + name(i) + ", " +
+                  exactly(problem.J(i, n)) + "]";
+    }
   }
-  if (!solver.factor(inertia)) return false;
-  double jerk[kMaxShafts];
-  double multiplier[kMaxRows] = {};
-  inertia.solve(problem.torque_rate.data(), jerk);
-  solver.constrain(problem.c0.data(), jerk, multiplier);
-  eta->resize(S);
+  for (int m = 0; m < problem.C.rows(); ++m) {
+    std::string row = exactly(problem.c0(m));
+    for (int i = 0; i < S; ++i) {
+      row += "+(" + exactly(problem.C(m, i)) + ")*j" + std::to_string(i + 1);
+    }
+    elements.push_back("c" + std::to_string(m) + " of order 3: " + row);
+  }
+  return test::sceneText(shafts, elements,
+                         "verify_derivatives: false\n" +
+                             (coupling.empty() ? "" : "inertia_coupling: [" + coupling + "]\n"));
+}
+
+/// eta and Lambda by the code under test. False where the motion does not begin.
+bool solve(const Problem& problem, Vector* eta, Vector* Lambda) {
+  Simulation simulation(test::sceneFromText(sceneOf(problem)));
+  const Sample& sample = simulation.sample();
+  if (!simulation.status().ok()) return false;
+  const auto S = static_cast<int>(problem.J.rows());
+  const auto k = static_cast<int>(problem.C.rows());
+  SmallColumn<double> torque_rate = problem.torque_rate;  // and that of the reaction
+  for (int i = 0; i < S; ++i) torque_rate(i) += sample.reaction_torque_rate[i];
+  *eta = Small<double>(problem.J.inverse() * torque_rate).cast<long double>();
   Lambda->resize(k);
-  for (int i = 0; i < S; ++i) (*eta)(i) = jerk[i];
-  for (int m = 0; m < k; ++m) (*Lambda)(m) = multiplier[m];
+  for (int m = 0; m < k; ++m) (*Lambda)(m) = sample.multiplier[m];
   return true;
 }
 
@@ -89,7 +116,7 @@ Matrix calcNullSpace(const Problem& problem) {
 }
 
 double calcTolerance(const Problem& problem, const Vector& eta) {
-  // A's condition number amplifies the rounding of the symmetric form.
+  // A's condition number amplifies rounding.
   const Small<double> A = problem.C * problem.J.inverse() * problem.C.transpose();
   const SmallColumn<double> values = A.selfadjointView<Eigen::Lower>().eigenvalues();
   const double condition = values.maxCoeff() / values.minCoeff();
@@ -99,7 +126,7 @@ double calcTolerance(const Problem& problem, const Vector& eta) {
 void compareAllForms(int S, bool coupled) {
   std::mt19937 random(20260000U + static_cast<unsigned>(S) + (coupled ? 100U : 0U));
   for (int k = 1; k < S; ++k) {
-    for (int trial = 0; trial < 50; ++trial) {
+    for (int trial = 0; trial < 8; ++trial) {
       const Problem problem = makeProblem(random, S, k, coupled);
       Vector eta;
       Vector Lambda;
@@ -186,7 +213,7 @@ void expectEquation15(const Problem& problem) {
 
 TEST(Principle, IsEquation15ForTwoShafts) {
   std::mt19937 random(15);
-  for (int trial = 0; trial < 200; ++trial) expectEquation15(makeProblem(random, 2, 1, false));
+  for (int trial = 0; trial < 50; ++trial) expectEquation15(makeProblem(random, 2, 1, false));
 }
 
 TEST(Principle, IsRegularWhereC2OrC1IsZero) {
@@ -228,8 +255,6 @@ TEST(Principle, RefusesDependentRows) {
   Vector Lambda;
   EXPECT_FALSE(solve(problem, &eta, &Lambda));
   problem.C.row(1).setZero();
-  EXPECT_FALSE(solve(problem, &eta, &Lambda));
-  problem.C(1, 0) = std::nan("");
   EXPECT_FALSE(solve(problem, &eta, &Lambda));
 }
 

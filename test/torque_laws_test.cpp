@@ -8,7 +8,6 @@
 #include <set>
 
 #include "support/count_allocations.h"
-#include "support/derivatives_by_state.h"
 #include "support/documents.h"
 #include "support/faults.h"
 #include "support/scenes.h"
@@ -985,7 +984,7 @@ const Statement kStatements[] = {
      kTime, kTime},
 };
 
-TEST(Laws, HaveTheDerivativesOfTheirRatesAndDependOnWhatTheyState) {
+TEST(Laws, DependOnWhatTheyState) {
   std::set<std::string> types;
   for (const Statement& statement : kStatements) {
     SCOPED_TRACE(statement.element);
@@ -997,22 +996,6 @@ TEST(Laws, HaveTheDerivativesOfTheirRatesAndDependOnWhatTheyState) {
     EXPECT_EQ(torque->torqueDependence().angle, statement.torque.angle);
     EXPECT_EQ(torque->rateDependence().time, statement.rate.time);
     EXPECT_EQ(torque->rateDependence().angle, statement.rate.angle);
-    double largest = 0.0;
-    for (int n = 0; n < 4; ++n) {
-      // Away from the points of tables and the ends of ramps: pieces of polynomials meet there.
-      const double time = std::array<double, 4>{2.2, 2.7, 3.7, 4.6}[static_cast<std::size_t>(n)];
-      const double angle[] = {0.3 * n, 1.0 - 0.7 * n};
-      const double velocity[] = {43.1 - 6.1 * n, -37.3 + 9.2 * n};
-      const double acceleration[] = {5.1 - 4.0 * n, 3.3 - 2.0 * n};
-      const double input[] = {0.6};
-      const double rate[] = {0.4 - n};
-      const StateView x{time, angle, velocity, acceleration, input, rate, nullptr};
-      test::expectRateDerivatives(*torque, x, 1e-2, 1e-11);
-      double derivatives[12] = {};
-      torque->addTorqueRateDerivatives(x, derivatives);
-      for (const double value : derivatives) largest = std::max(largest, std::abs(value));
-    }
-    EXPECT_EQ(largest > 1e-3, type != "variator_sim/CommandedTorque") << largest;
   }
   // (Those that hold have a torque only with a mode.)
   for (const char* name : {"Brake", "Clutch", "DogClutch", "EndStop", "OneWayClutch"}) {
@@ -1040,11 +1023,6 @@ TEST(Laws, AreFiniteFarAway) {
         EXPECT_TRUE(std::isfinite(Q[0]) && std::isfinite(Q[1])) << torque->name() << " at " << w;
         EXPECT_TRUE(std::isfinite(rate[0]) && std::isfinite(rate[1]))
             << torque->name() << " at " << w;
-        double derivatives[12] = {};
-        torque->addTorqueRateDerivatives(state, derivatives);
-        for (const double value : derivatives) {
-          EXPECT_TRUE(std::isfinite(value)) << torque->name() << " at " << w;
-        }
       }
     }
   }
@@ -1082,8 +1060,6 @@ TEST(Laws, AllocateNothing) {
     for (const TorquePtr& torque : scene.torques) {
       torque->addTorque(state, sum);
       torque->addTorqueRate(state, sum);
-      double derivatives[12] = {};
-      torque->addTorqueRateDerivatives(state, derivatives);
     }
   }
   EXPECT_EQ(allocations - before, 0);

@@ -67,15 +67,9 @@ class Constraint : public Law {
   void calcRow(const StateView& state, double* C, double* c0) const;
   /// Orders 1 and 2: writes all partial derivatives of f or psi.
   void calcPartials(const StateView& state, ConstraintPartials& partials) const;
-  /// Writes the parts of dC/dt = D + H eta: D (s values) and H = dC/depsilon (s x s values, row by
-  /// row). Only the classical Gauss principle needs them.
-  void calcJacobianRate(const StateView& state, double* D, double* H) const;
   /// Writes H = dC/depsilon (s x s values, row by row), for psi its second derivatives, which
   /// Newton's iteration for the accelerations of least reaction uses.
   void calcHessian(const StateView& state, double* H) const { hessian_.evaluate(state, H); }
-  /// Writes d(C, c0)/d(phi, omega, epsilon): 3s directions, the first s by the angles; dC_i/dx_q at
-  /// dC[q * s + i], dc0/dx_q at dc0[q]. Only stiff steppers need it.
-  void calcRowDerivatives(const StateView& state, double* dC, double* dc0) const;
 
   /// Tells whether f or psi and its derivatives read the time and the angles.
   Dependence dependence() const { return dependence_; }
@@ -122,14 +116,12 @@ class Constraint : public Law {
   std::vector<expression::Node> direction_;
 
   // One program per quantity: none computes more than its caller needs.
-  expression::Tape residual_;                     ///< f or psi
-  expression::Tape residual_and_jacobian_;        ///< f' or psi, then C
-  expression::Tape row_;                          ///< C, then c0
-  expression::Tape partials_;                     ///< with respect to partial_slots_
-  expression::Tape hessian_;                      ///< H = dC/depsilon, s x s
-  expression::Tape jacobian_rate_;                ///< D, then H
-  expression::StateDerivatives row_derivatives_;  ///< of C, then c0
-  std::vector<int> partial_slots_;                ///< variables that psi has a derivative by
+  expression::Tape residual_;               ///< f or psi
+  expression::Tape residual_and_jacobian_;  ///< f' or psi, then C
+  expression::Tape row_;                    ///< C, then c0
+  expression::Tape partials_;               ///< with respect to partial_slots_
+  expression::Tape hessian_;                ///< H = dC/depsilon, s x s
+  std::vector<int> partial_slots_;          ///< variables that psi has a derivative by
   int order_ = 2;
   Dependence dependence_;
   std::set<int> inputs_;  ///< inputs that the law reads

@@ -26,17 +26,13 @@ class Inertia {
                    std::vector<std::vector<InertiaHarmonic>> harmonics = {});
 
   int shafts() const { return S; }
-  /// True when J is the same at every angle: nothing below depends on `update` then.
+  /// True when J is the same at every angle: `update` does nothing then.
   bool isConstant() const { return constant_; }
   bool isDiagonal() const { return diagonal_; }
 
-  /// Computes J, dJ/dphi and d2J/dphi2 at the angles `phi` (S values, rad).
+  /// Computes J and dJ/dphi at the angles `phi` (S values, rad).
   void update(const double* phi) {
-    if (!isAt(phi) || !has_derivatives_) updateAll(phi);
-  }
-  /// Computes J alone.
-  void updateValue(const double* phi) {
-    if (!isAt(phi)) updateAll(phi);
+    if (!constant_ && !isAt(phi)) updateAll(phi);
   }
 
   /// y = J v.
@@ -63,12 +59,9 @@ class Inertia {
       y[i] = sum;
     }
   }
-  /// Returns 1 / J_i of a diagonal J.
-  double inverse(int i) const { return inverse_diagonal_[i]; }
   double entry(int i, int j) const { return matrix_[i][j]; }
-  /// Return dJ_i/dphi_i, kg m^2/rad, and the second derivative, kg m^2/rad^2.
+  /// Returns dJ_i/dphi_i, kg m^2/rad.
   double first(int i) const { return first_[i]; }
-  double second(int i) const { return second_[i]; }
 
  private:
   bool isAt(const double* phi) const;
@@ -82,9 +75,7 @@ class Inertia {
   double mean_[kMaxShafts] = {};
   double inverse_diagonal_[kMaxShafts] = {};
   double angle_[kMaxShafts];  ///< angles of the values below, rad
-  bool has_derivatives_ = false;
   double first_[kMaxShafts] = {};
-  double second_[kMaxShafts] = {};
   bool diagonal_ = true;
   bool constant_ = true;
 };

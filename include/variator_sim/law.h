@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "variator_sim/expression/state_derivatives.h"
+#include "variator_sim/expression/rates.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/guard.h"
 #include "variator_sim/law_context.h"

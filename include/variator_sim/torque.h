@@ -35,9 +35,6 @@ class Torque : public Law {
   void addTorque(const StateView& state, double* torque) const;
   /// Q' += the total rate of this element's torques, N m/s, s values.
   void addTorqueRate(const StateView& state, double* torque_rate) const;
-  /// Adds dQ'_i/dx_q to derivatives[q * s + i], x = (phi, omega, epsilon): 3s directions of s
-  /// values each, the first s by the angles. Only stiff steppers need it.
-  void addTorqueRateDerivatives(const StateView& state, double* derivatives) const;
 
   /// Tell whether Q and Q' read the time and the angles. An elastic coupling's torque reads the
   /// angles, its rate does not.
@@ -49,9 +46,8 @@ class Torque : public Law {
 
   std::vector<ShaftNode> torques_;
   std::vector<ShaftNode> rates_;
-  expression::Tape torque_;                        ///< torques_
-  expression::Tape rate_;                          ///< rates_
-  expression::StateDerivatives rate_derivatives_;  ///< derivatives of rates_
+  expression::Tape torque_;  ///< torques_
+  expression::Tape rate_;    ///< rates_
   Dependence torque_dependence_;
   Dependence rate_dependence_;
 };

@@ -6,7 +6,7 @@
 
 #include "analysis/decompositions.h"
 #include "model/formula_laws.h"
-#include "variator_sim/expression/state_derivatives.h"
+#include "variator_sim/expression/rates.h"
 #include "variator_sim/interruption.h"
 
 namespace variator_sim {
@@ -232,7 +232,9 @@ DifferentiatedFormulas::DifferentiatedFormulas(MotionEquations& equations,
 }
 
 bool DifferentiatedFormulas::differentiate(Graph& graph, const std::vector<Node>& formulas) {
-  const int most = graph.size() + expression::StateDerivatives::kMostNodes;
+  // Derivatives that are larger take seconds to make.
+  constexpr int kMostNodes = 100000;
+  const int most = graph.size() + kMostNodes;
   std::vector<Node> outputs = formulas;
   for (int n = 0; n < layout_.size(); ++n) {
     for (int f = 0; f < count_; ++f) {

@@ -35,7 +35,7 @@ AccelerationConstraints::AccelerationConstraints(const Scene& scene)
 }
 
 void AccelerationConstraints::enter(const StateView& state) {
-  if (!varying_.isConstant()) varying_.update(state.angle);
+  varying_.update(state.angle);
   torque_.setZero();
   for (const TorquePtr& it : scene_.torques) it->addTorque(state, torque_.data());
   for (int i = 0; i < S; ++i) {

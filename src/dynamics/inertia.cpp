@@ -31,26 +31,21 @@ bool Inertia::isAt(const double* phi) const {
 }
 
 void Inertia::updateAll(const double* phi) {
-  has_derivatives_ = true;
   for (int i = 0; i < S; ++i) {
     const auto& shaft = harmonics_[static_cast<std::size_t>(i)];
     if (shaft.empty()) continue;
     angle_[i] = phi[i];
     double value = mean_[i];
     double first = 0.0;
-    double second = 0.0;
     for (const InertiaHarmonic& harmonic : shaft) {
       const double order = harmonic.order;
       const double c = std::cos(order * phi[i]);
       const double s = std::sin(order * phi[i]);
-      const double part = harmonic.cosine * c + harmonic.sine * s;
-      value += part;
+      value += harmonic.cosine * c + harmonic.sine * s;
       first += order * (harmonic.sine * c - harmonic.cosine * s);
-      second -= order * order * part;
     }
     matrix_[i][i] = value;
     first_[i] = first;
-    second_[i] = second;
   }
   invert();
 }

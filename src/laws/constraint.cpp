@@ -146,8 +146,7 @@ struct Constraint::Formulas {
   Node second;          ///< f' = C epsilon + ... for order 1, psi itself for order 2
   Node c0;              ///< of the third-order form [12]
   std::vector<Node> partials;
-  std::vector<Node> hessian;        ///< H
-  std::vector<Node> jacobian_rate;  ///< D, then H: dC/dt = D + H eta
+  std::vector<Node> hessian;  ///< H
 };
 
 void Constraint::compile(Node given, int order, const std::set<int>& inputs,
@@ -172,7 +171,6 @@ void Constraint::compile(Node given, int order, const std::set<int>& inputs,
   dependence_ = expression::dependenceOf(graph, {given}, s);
   has_constant_jacobian_ = std::all_of(formulas.C.begin(), formulas.C.end(),
                                        [&graph](Node entry) { return graph.isConstant(entry); });
-  row_derivatives_ = expression::StateDerivatives(graph, row_nodes_, s);
 }
 
 Constraint::Formulas Constraint::differentiate(const std::set<int>& inputs,
@@ -203,12 +201,10 @@ Constraint::Formulas Constraint::differentiate(const std::set<int>& inputs,
     }
   }
   for (const Node entry : made.C) {
-    made.jacobian_rate.push_back(graph.totalDerivative(entry, rates));
     for (int j = 0; j < s; ++j) {
       made.hessian.push_back(graph.differentiate(entry, slotOf(Source::kAcceleration, j)));
     }
   }
-  made.jacobian_rate.insert(made.jacobian_rate.end(), made.hessian.begin(), made.hessian.end());
   return made;
 }
 
@@ -253,7 +249,7 @@ void Constraint::check(const Formulas& formulas, const std::string& path) const 
   }
   std::vector<Node> checked = formulas.partials;
   checked.push_back(formulas.c0);
-  checked.insert(checked.end(), formulas.jacobian_rate.begin(), formulas.jacobian_rate.end());
+  checked.insert(checked.end(), formulas.hessian.begin(), formulas.hessian.end());
   for (const Node node : checked) {
     if (graph.hasNonFiniteConstant(node)) {
       throw SceneError(path, "a derivative of it has a constant part that is not finite");
@@ -267,7 +263,6 @@ void Constraint::makePrograms(const Formulas& formulas) {
   row_nodes_.push_back(formulas.c0);
   row_ = Tape(graph, row_nodes_);
   hessian_ = Tape(graph, formulas.hessian);
-  jacobian_rate_ = Tape(graph, formulas.jacobian_rate);
   if (order_ < 3) {
     residual_ = Tape(graph, {function()});
     std::vector<Node> second = {formulas.second};
@@ -320,22 +315,6 @@ void Constraint::calcPartials(const StateView& state, ConstraintPartials& partia
         break;
     }
   }
-}
-
-void Constraint::calcRowDerivatives(const StateView& state, double* dC, double* dc0) const {
-  const int s = shaftCount();
-  std::fill_n(dC, 3 * s * s, 0.0);
-  std::fill_n(dc0, 3 * s, 0.0);
-  const double* value = row_derivatives_.evaluate(state);
-  for (const auto& entry : row_derivatives_.entries()) {
-    (entry.node < s ? dC[entry.q * s + entry.node] : dc0[entry.q]) = *value++;
-  }
-}
-
-void Constraint::calcJacobianRate(const StateView& state, double* D, double* H) const {
-  const double* const values = jacobian_rate_.evaluate(state);
-  std::copy_n(values, shaftCount(), D);
-  std::copy_n(values + shaftCount(), shaftCount() * shaftCount(), H);
 }
 
 }  // namespace variator_sim

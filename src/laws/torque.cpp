@@ -60,7 +60,6 @@ void Torque::derive(const LawContext& law, const ComponentContext& context) {
   }
   torque_dependence_ = expression::dependenceOf(graph, formulas(), shaftCount());
   rate_dependence_ = expression::dependenceOf(graph, rate, shaftCount());
-  rate_derivatives_ = expression::StateDerivatives(graph, rate, shaftCount());
 }
 
 std::vector<int> Torque::shafts() const {
@@ -76,14 +75,6 @@ void Torque::addTorque(const StateView& state, double* torque) const {
 
 void Torque::addTorqueRate(const StateView& state, double* torque_rate) const {
   if (!rates_.empty()) addTo(torque_rate, rates_, rate_, state);
-}
-
-void Torque::addTorqueRateDerivatives(const StateView& state, double* derivatives) const {
-  const double* value = rate_derivatives_.evaluate(state);
-  for (const auto& entry : rate_derivatives_.entries()) {
-    const int shaft = rates_[static_cast<std::size_t>(entry.node)].first;
-    derivatives[entry.q * shaftCount() + shaft] += *value++;
-  }
 }
 
 }  // namespace variator_sim

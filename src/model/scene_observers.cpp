@@ -5,7 +5,7 @@
 
 #include "model/formula_laws.h"
 #include "model/scene_readers.h"
-#include "variator_sim/expression/state_derivatives.h"
+#include "variator_sim/expression/rates.h"
 
 namespace variator_sim {
 namespace {

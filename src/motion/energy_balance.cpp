@@ -36,7 +36,7 @@ void EnergyBalance::resume(const EnergyAccount& account, double time) {
 }
 
 void EnergyBalance::noteDirections(const double* rows, const double* angle) {
-  if (!inertia_.isConstant()) inertia_.updateValue(angle);
+  inertia_.update(angle);
   for (int m = 0; m < rows_; ++m) calcDirection(rows + stride_ * m, account_.directions[m]);
 }
 
@@ -47,7 +47,7 @@ void EnergyBalance::noteStep(double time, double work, double through, const dou
   account_.throughput += through;
   account_.applied += work;
   if (!is_watched_) return;
-  if (!inertia_.isConstant()) inertia_.updateValue(angle);
+  inertia_.update(angle);
   account_.has_turned = account_.has_turned || haveRowsTurned(rows);
   judge(time, angle, velocity);
 }
@@ -102,7 +102,7 @@ bool EnergyBalance::haveRowsTurned(const double* rows) const {
 
 void EnergyBalance::judge(double time, const double* angle, const double* velocity) {
   judged_at_ = time;
-  if (!inertia_.isConstant()) inertia_.updateValue(angle);
+  inertia_.update(angle);
   account_.reactions = calcKineticEnergy(velocity) - account_.start_kinetic - account_.applied;
   if (account_.doubt_since >= 0.0 || !account_.has_turned || !doubtAtFront().isShareLarge()) return;
   // The uncertainty of T at this tolerance.

@@ -72,7 +72,7 @@ std::string ProgramMotion::describeStop() {
   if (status_.ok()) return "";
   const StateView state = view();
   Inertia inertia(scene.inertia, scene.inertia_harmonics);
-  if (!inertia.isConstant()) inertia.update(state.angle);
+  inertia.update(state.angle);
   MotionStatus told = status_;
   const std::string function = findCulprit(&told);
   std::ostringstream text;
