@@ -95,15 +95,13 @@ TEST(Choice, IsDifferentiatedByBranch) {
 
 TEST(Choice, JumpsAtItsEdge) {
   Formulas f;
-  const std::vector<GuardPtr> guards = findGuards(f.graph, {f.read("if(x < 2*y, 1, 0)")});
-  ASSERT_EQ(guards.size(), 1U);
-  EXPECT_TRUE(guards[0]->jumps());
-  const double below[] = {1.0, 1.0};
-  const double above[] = {3.0, 1.0};
-  EXPECT_NE(guards[0]->branch({0.0, nullptr, below, nullptr, nullptr, nullptr}),
-            guards[0]->branch({0.0, nullptr, above, nullptr, nullptr, nullptr}));
-  for (const GuardPtr& guard : findGuards(f.graph, {f.read("clamp(x, -1, y)")})) {
-    EXPECT_FALSE(guard->jumps());
+  const std::vector<Branch> branches = findBranches(f.graph, {f.read("if(x < 2*y, 1, 0)")});
+  ASSERT_EQ(branches.size(), 1U);
+  EXPECT_TRUE(branches[0].jumps);
+  EXPECT_LT(f.evaluate(branches[0].argument, 1.0, 1.0) * f.evaluate(branches[0].argument, 3.0, 1.0),
+            0.0);
+  for (const Branch& it : findBranches(f.graph, {f.read("clamp(x, -1, y)")})) {
+    EXPECT_FALSE(it.jumps);
   }
 }
 
@@ -195,35 +193,32 @@ TEST(TableNode, EndsAtTheDegreeOfItsPolynomials) {
   EXPECT_TRUE(f.graph.isConstant(f.graph.differentiate(node, slotOf(Source::kVelocity, 0)), 0.0));
 }
 
-TEST(Guards, AreOneForEachArgument) {
+TEST(SwitchingFunctions, AreOneForEachArgument) {
   Formulas f;
-  const auto guardsOf = [&](const char* text) { return findGuards(f.graph, {f.read(text)}); };
-  EXPECT_EQ(guardsOf("abs(x)+abs(x)+sign(x)").size(), 1U);
-  EXPECT_TRUE(guardsOf("abs(x)+sign(x)")[0]->jumps());
-  EXPECT_FALSE(guardsOf("max(x,y)")[0]->jumps());
-  EXPECT_EQ(guardsOf("max(x,min(y,3))").size(), 2U);
-  EXPECT_TRUE(guardsOf("sin(x)*y").empty());
-  EXPECT_TRUE(guardsOf("abs(-3)*y").empty());
+  const auto branchesOf = [&](const char* text) { return findBranches(f.graph, {f.read(text)}); };
+  EXPECT_EQ(branchesOf("abs(x)+abs(x)+sign(x)").size(), 1U);
+  EXPECT_TRUE(branchesOf("abs(x)+sign(x)")[0].jumps);
+  EXPECT_FALSE(branchesOf("max(x,y)")[0].jumps);
+  EXPECT_EQ(branchesOf("max(x,min(y,3))").size(), 2U);
+  EXPECT_TRUE(branchesOf("sin(x)*y").empty());
+  EXPECT_TRUE(branchesOf("abs(-3)*y").empty());
 }
 
-TEST(TableNode, HasGuardsAtItsPoints) {
+TEST(TableNode, HasSwitchingFunctionsOfItsArguments) {
   Formulas f;
   f.tables["curve"] = table(kCurve);
   f.tables["map"] = table(kMap);
-  EXPECT_EQ(findGuards(f.graph, {f.read("curve(x) + 3*curve(x)")}).size(), 1U);
-  EXPECT_EQ(findGuards(f.graph, {f.read("map(x, y)")}).size(), 2U);
-  EXPECT_TRUE(findGuards(f.graph, {f.read("curve(t)*x")}).empty());
-  EXPECT_EQ(findGuards(f.graph, {f.read("map(t, x)")}).size(), 1U);
-
-  const GuardPtr guard = findGuards(f.graph, {f.read("curve(2*x)")}).front();
-  EXPECT_FALSE(guard->jumps());
-  const auto branch = [&guard](double x) {
-    return guard->branch({0.0, nullptr, &x, nullptr, nullptr, nullptr});
+  const auto countIn = [&](const char* text) {
+    return countSwitchingFunctions(f.graph, {f.read(text)});
   };
-  EXPECT_EQ(branch(-1.0), 0);
-  EXPECT_EQ(branch(0.0), 1);
-  EXPECT_EQ(branch(0.25), Guard::kOnEdge);
-  EXPECT_EQ(branch(9.0), 5);
+  EXPECT_EQ(countIn("curve(x) + 3*curve(x)"), 1U);
+  EXPECT_EQ(countIn("map(x, y) + abs(x)"), 3U);
+  EXPECT_EQ(countIn("curve(t)*x"), 0U);
+  EXPECT_EQ(countIn("map(t, x)"), 1U);
+  const std::vector<Passage> passages = findPassages(f.graph, {f.read("curve(2*x)")});
+  ASSERT_EQ(passages.size(), 1U);
+  EXPECT_EQ(passages[0].points.size(), 5U);
+  EXPECT_EQ(f.evaluate(passages[0].argument, 0.25, 0.0), 0.5);
 }
 
 TEST(TableNode, NeedsItsArguments) {

@@ -30,7 +30,7 @@ using ConstraintPtr = std::shared_ptr<Constraint>;
 /// forms of one constraint have the same C: df/domega = df'/depsilon = df''/deta.
 ///
 /// `build` states the function that is zero; C, c0, all derivatives, dependences and switching
-/// functions (guards) follow from it.
+/// functions follow from it.
 ///
 ///     class Slip : public variator_sim::Constraint {
 ///       void build(variator_sim::LawContext& scene) override {
@@ -108,7 +108,7 @@ class Constraint : public Law {
   expression::Node withoutJerks(const std::vector<expression::Node>& C, const std::string& path);
   void noteNonlinear(const Formulas& formulas);
   void check(const Formulas& formulas, const std::string& path) const;
-  /// Throws std::length_error: see findEvents.
+  /// Throws std::length_error: see countSwitchingFunctions.
   void makePrograms(const Formulas& formulas);
 
   expression::Node second_order_;

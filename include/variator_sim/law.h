@@ -8,7 +8,6 @@
 
 #include "variator_sim/expression/rates.h"
 #include "variator_sim/expression/tape.h"
-#include "variator_sim/guard.h"
 #include "variator_sim/law_context.h"
 #include "variator_sim/types.h"
 
@@ -59,9 +58,9 @@ class Law {
   std::string nameOf(const Holding& it) const {
     return name_ + (it.part.empty() ? "" : "/" + it.part);
   }
-  /// Returns the law's switching functions. Steps end at their zeros, because an error estimate
-  /// across a kink is unreliable.
-  const std::vector<GuardPtr>& guards() const { return guards_; }
+  /// Returns the number of the law's switching functions. Steps end at their zeros, because an
+  /// error estimate across a kink is unreliable.
+  std::size_t switchingFunctions() const { return switching_functions_; }
   /// Returns the named outputs of this element ("slip"). `state.acceleration` may be read.
   const NamedOutputs& outputs() const { return outputs_; }
 
@@ -75,9 +74,8 @@ class Law {
   /// Derives what follows from the law as stated. Throws SceneError.
   virtual void derive(const LawContext& law, const ComponentContext& context) = 0;
   void setFormulas(std::vector<expression::Node> formulas) { formulas_ = std::move(formulas); }
-  /// Finds the events of the formulas. Throws std::length_error where functions with branches stand
-  /// too often within each other.
-  void findEvents();
+  /// Throws std::length_error where functions with branches stand too often within each other.
+  void countSwitchingFunctions();
   const std::shared_ptr<expression::Graph>& sharedGraph() const { return graph_; }
 
  private:
@@ -85,7 +83,7 @@ class Law {
   int shaft_count_ = 0;
   std::shared_ptr<expression::Graph> graph_;
   std::vector<expression::Node> formulas_;
-  std::vector<GuardPtr> guards_;
+  std::size_t switching_functions_ = 0;
   std::vector<Holding> holdings_;
   NamedOutputs outputs_;
 };

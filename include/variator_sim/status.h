@@ -33,7 +33,6 @@ struct MotionStatus {
   double time = 0.0;     ///< time of the last accepted state, s
   int constraint = -1;   ///< index of the constraint at fault, or -1
   int torque = -1;       ///< index of the torque element at fault, or -1
-  int guard = -1;        ///< kChattering, kStepUnderflow: index of the guard whose mode changes
   double measure = 0.0;  ///< kSingularConstraint: the remaining rank, relative to its scale;
                          ///< kStepTooLarge: the step's estimated error, relative to the state;
                          ///< kToleranceTooSmall: effect of rounding, in tolerances;

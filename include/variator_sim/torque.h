@@ -11,7 +11,7 @@ namespace variator_sim {
 
 /// One torque element. `build` states the torques Q that it applies (positive accelerates); their
 /// total rate Q' = dQ/dt + dQ/dphi omega + dQ/domega epsilon + dQ/du u', its derivatives,
-/// dependences and switching functions (guards) follow from them.
+/// dependences and switching functions follow from them.
 ///
 ///     class Brake : public variator_sim::Torque {
 ///       void build(variator_sim::LawContext& scene) override {

@@ -1,10 +1,8 @@
 #include "variator_sim/expression/guards.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <map>
-#include <memory>
 #include <set>
 #include <stdexcept>
 #include <tuple>
@@ -86,31 +84,16 @@ std::vector<Branch> findBranches(Graph& graph, const std::vector<Node>& nodes) {
   return branches;
 }
 
-std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes) {
-  std::vector<GuardPtr> guards;
-  const auto add = [&](Node argument, std::vector<double> points, bool jumps,
-                       const char* function) {
-    count(graph, argument);
-    guards.push_back(
-        std::make_shared<Guard>(Tape(graph, {argument}), std::move(points), jumps, function));
-  };
-  for (const Branch& it : findBranches(graph, nodes))
-    add(it.argument, {0.0}, it.jumps, it.function);
+std::size_t countSwitchingFunctions(Graph& graph, const std::vector<Node>& nodes) {
+  std::vector<Node> arguments;
+  for (const Branch& it : findBranches(graph, nodes)) arguments.push_back(it.argument);
   for (const Passage& it : findPassages(graph, nodes)) {
-    if (isTime(graph.entry(it.argument)) && it.smoothness == 3) continue;
-    add(it.argument, it.points, it.smoothness == 0, "");
+    const bool is_smooth_in_time = isTime(graph.entry(it.argument)) && it.smoothness == 3;
+    if (!is_smooth_in_time) arguments.push_back(it.argument);
   }
-  return guards;
+  for (const Node argument : arguments) count(graph, argument);
+  return arguments.size();
 }
 
 }  // namespace expression
-
-int Guard::branch(const StateView& state) const {
-  double value;
-  value_.evaluate(state, &value);
-  const auto above = std::lower_bound(points_.begin(), points_.end(), value);
-  const bool is_on_point = above != points_.end() && *above == value;
-  return is_on_point || std::isnan(value) ? kOnEdge : static_cast<int>(above - points_.begin());
-}
-
 }  // namespace variator_sim

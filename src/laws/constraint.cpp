@@ -270,7 +270,7 @@ void Constraint::makePrograms(const Formulas& formulas) {
     residual_and_jacobian_ = Tape(graph, second);
     partials_ = Tape(graph, formulas.partials);
   }
-  findEvents();
+  countSwitchingFunctions();
 }
 
 double Constraint::calcResidual(const StateView& state) const {

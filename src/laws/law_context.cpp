@@ -182,8 +182,8 @@ void Law::configure(ComponentContext& context) {
   outputs_ = NamedOutputs(law);
 }
 
-void Law::findEvents() {
-  guards_ = expression::findGuards(*graph_, formulas_);
+void Law::countSwitchingFunctions() {
+  switching_functions_ = expression::countSwitchingFunctions(*graph_, formulas_);
 }
 
 NamedOutputs::NamedOutputs(const LawContext& law) {

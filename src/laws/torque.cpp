@@ -54,7 +54,7 @@ void Torque::derive(const LawContext& law, const ComponentContext& context) {
   try {
     torque_ = Tape(graph, formulas());
     rate_ = Tape(graph, rate);
-    findEvents();
+    countSwitchingFunctions();
   } catch (const std::length_error& error) {
     throw SceneError(law.place(), error.what());
   }

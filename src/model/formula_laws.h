@@ -17,12 +17,6 @@ inline void requireOwnFormulas(const Scene& scene) {
   }
 }
 
-/// Returns true if both have identical elements with their formulas in the same graph.
-inline bool haveSameElements(const Scene& one, const Scene& other) {
-  return one.graph == other.graph && one.torques == other.torques &&
-         one.constraints == other.constraints;
-}
-
 /// The sums of Q (`terms` Torque::torques) or Q' (Torque::rates) over all torques, by shaft.
 inline std::vector<expression::Node> sumTorques(
     const Scene& scene, const std::vector<Torque::ShaftNode>& (Torque::*terms)() const) {

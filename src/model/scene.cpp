@@ -317,7 +317,7 @@ class Faults {
 void checkEdges(const Scene& scene) {
   constexpr std::size_t kMostEdges = 500;
   std::size_t count = 0;
-  for (const Law* law : scene.laws()) count += law->guards().size();
+  for (const Law* law : scene.laws()) count += law->switchingFunctions();
   if (count <= kMostEdges) return;
   throw SceneError("", "abs, min, max, sign, clamp, if, tables and laws that switch make " +
                            std::to_string(count) +

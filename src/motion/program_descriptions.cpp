@@ -56,25 +56,39 @@ void ProgramMotion::throwInitialMode() const {
                    fault + "; allowed: auto, or a start to which it belongs");
 }
 
-std::string ProgramMotion::findCulprit(MotionStatus* told) const {
-  if (told->reason == StopReason::kStepLimit) told->measure = progress_.rateAt(frontTime());
-  if (told->reason != StopReason::kChattering) return function_;
-  if (it_.passed < 0 || it_.passed >= program_->FIRST_EVENT) return "";
-  const auto guard = static_cast<std::size_t>(it_.passed);
-  const expression::Branch& branch = program_->branches()[guard];
-  const Element owner = findOwner(scene, branch.argument);
+std::string ProgramMotion::findCulprit(MotionStatus* told) {
+  Element owner;
+  std::string function;
+  switch (told->reason) {
+    case StopReason::kStepLimit:
+      told->measure = progress_.rateAt(frontTime());
+      return "";
+    case StopReason::kStepUnderflow:
+      function = findBranch(&owner);
+      break;
+    case StopReason::kChattering:
+      if (it_.passed >= 0 && it_.passed < program_->FIRST_EVENT) {
+        const expression::Branch& branch =
+            program_->branches()[static_cast<std::size_t>(it_.passed)];
+        function = branch.function;
+        owner = findOwner(scene, branch.argument);
+      }
+      break;
+    default:
+      return "";
+  }
   told->torque = owner.torque;
   told->constraint = owner.constraint;
-  return branch.function;
+  return function;
 }
 
 std::string ProgramMotion::describeStop() {
   if (status_.ok()) return "";
+  MotionStatus told = status_;
+  const std::string function = findCulprit(&told);
   const StateView state = view();
   Inertia inertia(scene.inertia, scene.inertia_harmonics);
   inertia.update(state.angle);
-  MotionStatus told = status_;
-  const std::string function = findCulprit(&told);
   std::ostringstream text;
   text << variator_sim::describeStop(scene, told, state, inertia, function);
   const int event = it_.passed - program_->FIRST_EVENT;

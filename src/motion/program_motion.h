@@ -18,6 +18,8 @@
 
 namespace variator_sim {
 
+struct Element;
+
 class ProgramMotion final : public MotionBase {
  public:
   /// `like`: has machine code that may fit, or nullptr. Throws SceneError where the initial values
@@ -126,11 +128,16 @@ class ProgramMotion final : public MotionBase {
   /// Looks for a law that is not finite, or accelerations that end, just ahead of the front, whose
   /// state has these slopes. `least`: the first distance, s.
   bool findFaultAhead(const double* slope, double least);
-  /// Looks for another branch of accelerations from `least` to `reach` s ahead: the fold at which a
-  /// branch ends lies within the shortest step.
-  bool leapsAhead(const double* slope, double least, double reach);
-  /// Names the first law whose branch changes within `reach` s of the front, on either side.
-  void nameBranch(const double* slope, double reach);
+  /// Looks for another branch of accelerations just ahead of the front: the fold at which a branch
+  /// ends lies within the shortest step.
+  bool leapsAhead(const double* slope, double least);
+  /// Finds a law that changes its branch within the shortest step of the front, on either side.
+  /// Returns the function of the branch, as formulas write it, or "". Not in the loop.
+  std::string findBranch(Element* owner);
+  /// Writes the rates of the 3 S values at the front.
+  void calcSlope(double* slope);
+  /// Returns the distance, s, at which a search ahead of the front begins.
+  double leastDistance() const;
   /// Names the row of C that has lost rank or nearly so.
   bool findLostRow(const StateView& state, int highest_order);
   /// Names a law that is not finite at a state.
@@ -147,7 +154,7 @@ class ProgramMotion final : public MotionBase {
   void restoreHeld(const HeldState* held);
   /// Writes what is to blame for a stop into `told`, as far as it is not known yet; returns the
   /// function of the branch at which it stopped, or "".
-  std::string findCulprit(MotionStatus* told) const;
+  std::string findCulprit(MotionStatus* told);
   /// Returns a sentence why the motion cannot go on from a state of elsewhere.
   std::string describeFault(scene_status status);
   [[noreturn]] void throwInitialError(scene_status status);
@@ -184,8 +191,7 @@ class ProgramMotion final : public MotionBase {
   bool is_still_ = false;
 
   MotionStatus status_;
-  Misfit misfit_;              ///< of the last beginning
-  const char* function_ = "";  ///< of the branch at which the motion stopped
+  Misfit misfit_;  ///< of the last beginning
   Statistics statistics_;
   Progress progress_;
   CommandRhythm rhythm_;

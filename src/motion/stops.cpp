@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
+#include <vector>
 
 #include "dynamics/constraint_rows.h"
 #include "motion/culprit.h"
@@ -12,6 +14,9 @@ namespace variator_sim {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+/// The shortest step reaches no further than this power of ten of the distance at which a search
+/// ahead begins.
+constexpr int kReach = 5;
 
 /// A state `h` s ahead of another one, along its slopes.
 struct Ahead {
@@ -42,11 +47,8 @@ void ProgramMotion::stop(scene_status status) {
 void ProgramMotion::explainStop() {
   const int S = scene.shaftCount();
   const double front = frontTime();
-  function_ = "";
-  Sample sample;
   double slope[3 * kMaxShafts];
-  look(std::numeric_limits<double>::infinity(), &sample, slope + 2 * S);
-  std::copy_n(state_ + S, 2 * S, slope);
+  calcSlope(slope);
   const StateView state = viewOf(state_, front);
   if (quantities.isInertiaLost(state)) status_.reason = StopReason::kIndefiniteInertia;
   switch (status_.reason) {
@@ -63,11 +65,10 @@ void ProgramMotion::explainStop() {
     default:
       break;
   }
-  const double least = 1e-14 * std::max(1.0, std::abs(front));
-  const double reach = 1e5 * least;
+  const double least = leastDistance();
   if (findBadValue(state) || findLostRow(state, 3) || findFaultAhead(slope, least)) return;
   if (status_.reason != StopReason::kStepUnderflow) return;
-  if (leapsAhead(slope, least, reach)) {
+  if (leapsAhead(slope, least)) {
     status_.reason = StopReason::kProjectionFailed;
     return;
   }
@@ -75,7 +76,17 @@ void ProgramMotion::explainStop() {
     const double rate = std::abs(slope[i]) / std::max(1.0, std::abs(state_[i]));
     status_.measure = std::max(status_.measure, rate);
   }
-  nameBranch(slope, reach);
+}
+
+void ProgramMotion::calcSlope(double* slope) {
+  const int S = scene.shaftCount();
+  Sample unused;
+  look(std::numeric_limits<double>::infinity(), &unused, slope + 2 * S);
+  std::copy_n(state_ + S, 2 * S, slope);
+}
+
+double ProgramMotion::leastDistance() const {
+  return 1e-14 * std::max(1.0, std::abs(frontTime()));
 }
 
 bool ProgramMotion::findBadValue(const StateView& state) {
@@ -149,13 +160,12 @@ bool ProgramMotion::findFaultAhead(const double* slope, double least) {
   return false;
 }
 
-bool ProgramMotion::leapsAhead(const double* slope, double least, double reach) {
+bool ProgramMotion::leapsAhead(const double* slope, double least) {
   const int S = scene.shaftCount();
   const double front = frontTime();
   if (search_ == nullptr || program_->IS_CLASSICAL == 0) return false;
-  const int tens = static_cast<int>(std::ceil(std::log10(reach / least)));
-  for (int n = 0; n <= tens; ++n) {
-    const double h = std::min(reach, least * std::pow(10.0, n));
+  double h = least;
+  for (int decade = 0; decade <= kReach; ++decade, h *= 10.0) {
     Ahead ahead(state_, slope, 2 * S, h);
     double multipliers[kMaxShafts] = {};
     double* const epsilon = ahead.values + 2 * S;
@@ -172,31 +182,28 @@ bool ProgramMotion::leapsAhead(const double* slope, double least, double reach) 
   return false;
 }
 
-void ProgramMotion::nameBranch(const double* slope, double reach) {
-  const int S = scene.shaftCount();
-  const auto branchAt = [&](const Guard& guard, double h) {
-    const Ahead ahead(state_, slope, 3 * S, h);
-    return guard.branch(viewOf(ahead.values, frontTime() + h));
-  };
-  const auto changesBranch = [&](const Law& law) {
-    for (const GuardPtr& guard : law.guards()) {
-      const int here = branchAt(*guard, 0.0);
-      if (branchAt(*guard, -reach) == here && branchAt(*guard, reach) == here) continue;
-      function_ = guard->function();
-      return true;
+std::string ProgramMotion::findBranch(Element* owner) {
+  const std::vector<expression::Branch>& branches = program_->branches();
+  std::vector<expression::Node> arguments;
+  for (const expression::Branch& it : branches) arguments.push_back(it.argument);
+  const expression::Tape tape(*scene.graph, arguments);
+  double slope[3 * kMaxShafts];
+  calcSlope(slope);
+  const double reach = std::pow(10.0, kReach) * leastDistance();
+  std::vector<int> signs[3];
+  for (int side = -1; side <= 1; ++side) {
+    const Ahead ahead(state_, slope, 3 * scene.shaftCount(), side * reach);
+    const double* const values = tape.evaluate(viewOf(ahead.values, frontTime() + side * reach));
+    for (std::size_t n = 0; n < branches.size(); ++n) {
+      signs[side + 1].push_back((values[n] > 0.0) - (values[n] < 0.0));
     }
-    return false;
-  };
-  for (std::size_t j = 0; j < scene.torques.size(); ++j) {
-    if (!changesBranch(*scene.torques[j])) continue;
-    status_.torque = static_cast<int>(j);
-    return;
   }
-  for (std::size_t m = 0; m < scene.constraints.size(); ++m) {
-    if (!changesBranch(*scene.constraints[m])) continue;
-    status_.constraint = static_cast<int>(m);
-    return;
+  for (std::size_t n = 0; n < branches.size(); ++n) {
+    if (signs[0][n] == signs[1][n] && signs[1][n] == signs[2][n]) continue;
+    *owner = findOwner(scene, branches[n].argument);
+    if (owner->exists()) return branches[n].function;
   }
+  return "";
 }
 
 }  // namespace variator_sim

@@ -4,11 +4,11 @@
 #include <vector>
 
 #include "variator_sim/expression/graph.h"
-#include "variator_sim/guard.h"
 
 namespace variator_sim::expression {
 
-/// A formula whose sign decides the mode of abs, min, max, sign or a comparison.
+/// A formula whose sign decides the mode of a function: x of abs(x) and sign(x), a - b of min(a,
+/// b), max(a, b) and comparisons.
 struct Branch {
   Node argument;
   const char* function;  ///< as formulas write it
@@ -25,10 +25,8 @@ struct Passage {
 /// Returns the passages of all tables in `nodes`, by argument, each once.
 std::vector<Passage> findPassages(const Graph& graph, const std::vector<Node>& nodes);
 
-/// Returns the switching functions of `nodes`, each once: for abs(x) and sign(x) the sign of x, for
-/// min(a, b), max(a, b) and selections by a <= b that of a - b, for a table the piece that contains
-/// its argument, but of smooth tables over the time. Formulas may jump at those of sign, selections
-/// and tables that hold their values.
-std::vector<GuardPtr> findGuards(Graph& graph, const std::vector<Node>& nodes);
+/// Returns the number of switching functions of `nodes`: their branches and passages, but of smooth
+/// tables over the time. Throws std::length_error where they stand too often within each other.
+std::size_t countSwitchingFunctions(Graph& graph, const std::vector<Node>& nodes);
 
 }  // namespace variator_sim::expression
