@@ -54,11 +54,11 @@ struct SolverSettings {
 };
 
 struct InitialConditions {
-  double time = 0.0;                 ///< s
   std::vector<double> angle;         ///< rad, s values
   std::vector<double> velocity;      ///< rad/s, s values
   std::vector<double> acceleration;  ///< rad/s^2; empty: accelerations of least reaction
   bool project = false;              ///< move inconsistent values to the nearest consistent ones
+  double time = 0.0;                 ///< s, of these values: the motion begins there
 };
 
 // The memory of a scene: states that are integrated with the motion, and events that set them and
