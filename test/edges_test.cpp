@@ -81,6 +81,77 @@ TEST(InsideOfAStep, PulsesOfTimeAreSeen) {
   }
 }
 
+// A pulse that is narrower than a step, read by a comparison or a kink alone: where it is 0 to all
+// digits its series tells nothing of it. Impulses are sums over a fine grid.
+TEST(InsideOfAStep, PulsesInComparisonsAreSeen) {
+  struct Case {
+    const char* pulse;
+    double (*value)(double t);
+  };
+  const Case pulses[] = {
+      {"exp(-((t-0.82)/1e-3)^2)",
+       [](double t) { return std::exp(-1e6 * (t - 0.82) * (t - 0.82)); }},
+      {"1/(1+((t-0.82)/1e-3)^2)",
+       [](double t) { return 1.0 / (1.0 + 1e6 * (t - 0.82) * (t - 0.82)); }},
+      {"cos(t-0.82)^1000000", [](double t) { return std::pow(std::cos(t - 0.82), 1e6); }},
+      {"(-cos(t-0.82))^1000000", [](double t) { return std::pow(std::cos(t - 0.82), 1e6); }},
+  };
+  const std::pair<std::string, double (*)(double)> laws[] = {
+      {"if(P > 0.773, 1000, 0)", [](double x) { return x > 0.773 ? 1000.0 : 0.0; }},
+      {"1000*max(0, P - 0.773)", [](double x) { return 1000.0 * std::max(0.0, x - 0.773); }},
+      {"1000*min(P, 0.3)", [](double x) { return 1000.0 * std::min(x, 0.3); }},
+  };
+  for (const Case& pulse : pulses) {
+    for (const auto& [law, value] : laws) {
+      double impulse = 0.0;
+      const double h = 1e-7;
+      for (int n = 0; n < 10000000; ++n) impulse += h * value(pulse.value(h * (n + 0.5)));
+      std::string torque = law;
+      torque.replace(torque.find('P'), 1, std::string("(") + pulse.pulse + ")");
+      for (const StepperKind stepper : kControlled) {
+        for (const char* principle : kPrinciples) {
+          Simulation simulation(freeShaft(torque, stepper, principle));
+          const std::string what = label(stepper, torque) + ", " + principle;
+          ASSERT_TRUE(simulation.advanceTo(1.0).ok()) << what << simulation.describeStatus();
+          EXPECT_NEAR(simulation.sample().velocity[0], impulse, 1e-4) << what;
+        }
+      }
+    }
+  }
+}
+
+// Even powers of a negative number rise to peaks, too: each turn of the shaft passes two.
+TEST(InsideOfAStep, PeaksOfAnglesAreCounted) {
+  for (const char* power : {"4000", "40000"}) {
+    for (const StepperKind stepper : kControlled) {
+      Scene scene = test::sceneFromText(
+          "a 1", {"q on a: 5 - 0.5*w_a"},
+          std::string(
+              "variables: [n]\nn: {initial: 0}\nevents: [mark]\nmark: {when: \"cos(phi_a/2)^") +
+              power + " - 0.5\", direction: rising, set: {n: \"n + 1\"}}\n");
+      scene.solver.stepper = stepper;
+      Simulation simulation(scene);
+      ASSERT_TRUE(simulation.advanceTo(60.0).ok()) << simulation.describeStatus();
+      // phi = 10 t - 20 (1 - exp(-t/2)) = 580: peaks at 2 pi k up to 92; the first is the start.
+      EXPECT_EQ(simulation.operatingPoint().input[0], 92.0) << label(stepper, power);
+    }
+  }
+}
+
+// sqrt(max(0, x)) has no derivatives at 0, and needs none where it stays there.
+TEST(InsideOfAStep, ARootThatStaysAtZeroIsZero) {
+  for (const char* torque : {"sqrt(max(0, t - 2))", "max(0, w_a - 1)^0.7", "max(0, -t)^2.5"}) {
+    for (const StepperKind stepper : kControlled) {
+      for (const char* principle : kPrinciples) {
+        Simulation simulation(freeShaft(torque, stepper, principle, "0.5"));
+        const std::string what = label(stepper, torque) + ", " + principle;
+        ASSERT_TRUE(simulation.advanceTo(1.0).ok()) << what << simulation.describeStatus();
+        EXPECT_EQ(simulation.sample().velocity[0], 0.5) << what;
+      }
+    }
+  }
+}
+
 // The same of the angle: w^2/2 grows by the integral of the pulse over the angle.
 TEST(InsideOfAStep, PulsesOfAngleAreSeen) {
   for (const char* principle : kPrinciples) {

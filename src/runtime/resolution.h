@@ -52,11 +52,22 @@ VS_FUNCTION_RARE int vs_is_resolved_in_ranges(const scene_series* it, double the
   }
   /* A switching function that is flat here (max(0, tanh(x)) at x = -200) may pass unseen. */
   for (i = 0; i < SIGNS; ++i) {
-    const struct SeriesRange* range = ranges + sign_row[i];
+    const int row = sign_row[i];
+    const struct SeriesRange* range = ranges + row;
+    double low, high, size;
     if (!(range->off > 0.0)) continue;
-    range = seriesRange(&asked, sign_row[i]);
-    if (range->low <= 0.0 && range->high >= 0.0 && range->off > 1e-6 * seriesSizeOf(range))
-      return 0;
+    range = seriesRange(&asked, row);
+    low = range->low;
+    high = range->high;
+    size = seriesSizeOf(range);
+    if (at != 0) { /* its polynomial may be none */
+      low = seriesSmaller(seriesSmaller(at[0][row], at[1][row]), at[2][row]) - range->off;
+      high = seriesLarger(seriesLarger(at[0][row], at[1][row]), at[2][row]) + range->off;
+      size = seriesLarger(fabs(low + range->off), fabs(high - range->off));
+    }
+    if (!(low <= 0.0 && high >= 0.0)) continue;
+    /* (A range without an end has no part that is little.) */
+    if (!(range->off < INFINITY && range->off <= 1e-6 * size)) return 0;
   }
   return 1;
 }
