@@ -281,6 +281,30 @@ TEST(Crawls, ASlippingClutchAtALooseTolerance) {
   }
 }
 
+// A freewheel lets go, and two corners of the coupling's damping begin on their points: neither is
+// in the way of the other.
+TEST(Crawls, AFreewheelLetsGoInsideAGap) {
+  for (const char* const inertia : {"2", "1e6"}) {
+    for (const std::string& principle : kPrinciples) {
+      const std::string J = inertia;
+      const Played played =
+          run(test::sceneFromText(
+                  "shafts: [a, b]\na: {inertia: " + J + "}\nb: {inertia: " + J +
+                  "}\ntorques: [m, sp, ow]\nm: {type: variator_sim/ExpressionTorque, "
+                  "shaft: a, torque: \"cos(t)*" +
+                  J +
+                  "\"}\nsp: {type: variator_sim/ElasticCoupling, shafts: [a, b], stiffness: "
+                  "1, damping: 1, gap: 0.2}\now: {type: variator_sim/OneWayClutch, shafts: "
+                  "[a, b]}\nprinciple: " +
+                  principle + "\n"),
+              StepperKind::kAuto, 5.0);
+      ASSERT_TRUE(played.status.ok()) << played.text;
+      EXPECT_LT(played.tried(), 200U);
+      EXPECT_NEAR(played.sample.velocity[0] + played.sample.velocity[1], std::sin(5.0), 1e-7);
+    }
+  }
+}
+
 // Steady running at a tolerance that rounding does not leave: where it refuses nearly all steps the
 // motion goes on by other means.
 TEST(Crawls, StepsThatRoundingRefuses) {

@@ -17,13 +17,17 @@ VS_FUNCTION const Real* vs_guard(const scene_series* it, int guard) {
   return it->row[guard < SIGNS ? sign_row[guard] : passage_row[guard - SIGNS]];
 }
 
+/* In the place of a guard that is left out: all are searched behind the begin alone. */
+enum { VS_BEHIND_BEGIN = -2 };
+
 /* Roots that are `close` are one event, and a jump among them is what is to be crossed. */
 VS_FUNCTION void vs_meet(vs_event* found, const Real* c, int last, int guard, double point,
-                         double close) {
+                         double close, int but) {
   /* A motion that begins on the edge of a jump, or of a kink of a speed, leaves it at once. */
   const int jumps = guard < SIGNS ? sign_jumps[guard] : passage_jumps[guard - SIGNS];
   const double side = vs_first_sign(c, last);
-  const int is_start = (jumps || HAS_ORDER_1) && c[0] == 0.0 && side != 0.0;
+  const int is_start =
+      (jumps || HAS_ORDER_1) && c[0] == 0.0 && side != 0.0 && but != VS_BEHIND_BEGIN;
   const int is_other = found->guard >= 0 && jumps != found->jumps;
   const double end = found->theta + (is_other ? (jumps - found->jumps) * close : 0.0);
   const double theta = is_start || !(end > 0.0) ? 0.0 : (double)vs_first_root(c, last, end);
@@ -208,19 +212,21 @@ VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it,
       if (!isfinite(points[k]) || (k < 2 && points[k] == points[2])) continue;
       c[0] = vs_guard(it, g)[0] - points[k];
       if (error > 0.0 && k < 2) c[0] *= seriesLarger(1e-3, 1.0 - error / fabs(c[0]));
-      vs_meet(&found, c, it->order, g, points[k], rounding + 2e-14 * found.theta);
+      vs_meet(&found, c, it->order, g, points[k], rounding + 2e-14 * found.theta, but);
     }
   }
   return found;
 }
 
 /* The latest end, in units, of a step whose event turns out not to be there: it lies before the
- * events of other guards. */
+ * events of other guards. Where guards begin on points and leave them so slowly that the state does
+ * not show it, none of them is in the way of another. */
 VS_FUNCTION double vs_end_without(const scene_model* m, const vs_event* at, double theta) {
   const scene_series* const it = &m->series[m->present];
   const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time) / it->unit;
+  const int is_begin = at->theta == 0.0 && at->side == 0.0;
   double end = theta;
-  const vs_event next = vs_find_event(m, it, &end, at->guard, 1);
+  const vs_event next = vs_find_event(m, it, &end, is_begin ? VS_BEHIND_BEGIN : at->guard, 1);
   if (next.guard >= 0 || next.element >= 0) {
     const double before = seriesSmaller(end, next.theta * (1.0 - 1e-9) - least);
     return seriesLarger(before, at->theta + 64.0 * least);
