@@ -123,10 +123,13 @@ scene_status ProgramMotion::judgeVelocities(scene_status status, bool may_move, 
   const double* const given = misfit_.given + S;
   const double* const found = left.state + S;
   // Their projection comes first; the accelerations are those given, to the bit, where it fails.
-  const bool is_first = program_->HAS_ORDER_1 != 0 && program_->HOLDS == 0 &&
-                        std::equal(given + S, given + 2 * S, found + S);
-  const bool are_found = areFinite(found, S) && !(status == SCENE_NOT_CONVERGED && is_first);
-  if (are_found && (may_move || isNear(given, found, S))) return status;
+  const bool is_first =
+      program_->HAS_ORDER_1 != 0 && std::equal(given + S, given + 2 * S, found + S);
+  const bool are_kept = isNear(given, found, S);
+  const bool is_lost = status == SCENE_NOT_CONVERGED && is_first &&
+                       (program_->HOLDS == 0 || !are_kept);  // (modes are decided behind it)
+  const bool are_found = areFinite(found, S) && !is_lost;
+  if (are_found && (may_move || are_kept)) return status;
   if (status == SCENE_SINGULAR && is_first) return status;
   misfit_.of_velocities = true;
   misfit_.kind = are_found ? Misfit::Kind::kInconsistent : Misfit::Kind::kNotFound;
@@ -182,9 +185,6 @@ scene_status ProgramMotion::beginWithFound(Begin how, bool are_given, Left* left
 
 scene_status ProgramMotion::explainFault(scene_status status) {
   const int S = scene.shaftCount();
-  if (status != SCENE_NOT_CONVERGED && status != SCENE_SINGULAR && status != SCENE_NOT_FINITE) {
-    return status;
-  }
   const StateView at = viewOf(state_, time);
   status_.time = time;
   if (findBadValue(at)) return SCENE_NOT_FINITE;
@@ -192,12 +192,13 @@ scene_status ProgramMotion::explainFault(scene_status status) {
   const bool is_lost = findLostRow(at, 1) || (findLostRow(at, 3) && isOnConstraints(at));
   if (is_lost) return SCENE_SINGULAR;
   status_ = MotionStatus{};
-  if (status == SCENE_NOT_FINITE || program_->HAS_RESIDUAL == 0) {  // (sums of laws overflow)
-    status_.reason = StopReason::kNonFiniteValue;
+  const bool is_missed = status == SCENE_NOT_CONVERGED || status == SCENE_SINGULAR;
+  if (status == SCENE_NOT_FINITE || (is_missed && program_->HAS_RESIDUAL == 0)) {
+    status_.reason = StopReason::kNonFiniteValue;  // (sums of laws overflow)
     status_.time = time;
     return SCENE_NOT_FINITE;
   }
-  if (program_->HOLDS > 0) return status;
+  if (!is_missed || program_->HOLDS > 0) return status;
   misfit_.kind = Misfit::Kind::kNotFound;
   std::copy_n(state_ + 2 * S, S, misfit_.given + 2 * S);
   return SCENE_NOT_CONVERGED;
