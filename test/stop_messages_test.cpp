@@ -215,5 +215,41 @@ TEST(BesideABrake, StopsNameTheElementAndAWayOut) {
   }
 }
 
+/// What a start beside a brake says: how it stops at once, or is refused.
+std::string startBesideABrake(const std::string& torque, const std::string& psi,
+                              const std::string& velocity) {
+  const std::string scene =
+      "shafts: [a, b, spare]\na: {inertia: 1}\nb: {inertia: 2}\nspare: {inertia: 1}\ntorques: [q, "
+      "brake]\nq" +
+      std::string(kTorque) + "a, torque: '" + torque +
+      "'}\nbrake: {type: variator_sim/Brake, shaft: spare, capacity: 5}\nconstraints: [belt]\n"
+      "belt: {type: variator_sim/ExpressionConstraint, order: " +
+      (psi.find('e') == std::string::npos ? "1" : "2") + ", expression: '" + psi +
+      "'}\nverify_derivatives: false\ninitial: {velocity: " + velocity + "}\n";
+  try {
+    return stopOf(scene, 0.1);
+  } catch (const SceneError& error) {
+    return error.keyPath() + ": " + error.what();
+  }
+}
+
+TEST(BesideABrake, StartsTellTheirFaultAndAWayOut) {
+  EXPECT_EQ(startBesideABrake("1", "w2 - 0.5*w1", "[2, 1, 0]"), "");
+  const std::string moved = startBesideABrake("1", "w2 - 0.5*w1", "[2, 3, 0]");
+  expectText(moved, "initial/velocity: ");
+  expectText(moved,
+             "[2, 3, 0] does not satisfy the constraints: residual of 'belt' = 2; the "
+             "nearest consistent velocities are [3.33333333333333");
+  expectText(moved, "'initial/project: true'");
+  expectText(startBesideABrake("1", "w1^2 + w2^2 + 4", "[2, 3, 0]"),
+             "no velocities that satisfy the constraints were found near those given");
+  const std::string undefined = startBesideABrake("log(w_a)", "e2 - e1", "[0, 1, 0]");
+  expectText(undefined, "NonFiniteValue at t = 0 s");
+  expectText(undefined, "torque 'q', its log(w_a)");
+  const std::string singular = startBesideABrake("1", "t*(e2 - e1)", "[2, 1, 0]");
+  expectText(singular, "SingularConstraint at t = 0 s");
+  expectText(singular, "constraint 'belt'");
+}
+
 }  // namespace
 }  // namespace variator_sim

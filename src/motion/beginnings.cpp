@@ -87,8 +87,10 @@ scene_status ProgramMotion::beginNear(Begin how, bool are_given, bool may_move) 
   std::copy_n(state_, 3 * S, misfit_.given);
   Left left;
   scene_status status = tryToBegin(how, are_given, may_move, &left);
-  // The program is stricter with small values beside large ones than isNear is.
-  if (status == SCENE_INCONSISTENT) status = tryToBegin(how, are_given, true, &left);
+  // The program is stricter with small values beside large ones than isNear is. (Velocities that it
+  // keeps may jump all the same: a freewheel that overruns locks.)
+  const bool is_moved = status == SCENE_INCONSISTENT;
+  if (is_moved) status = tryToBegin(how, are_given, true, &left);
   if (status == SCENE_INCONSISTENT) {
     misfit_.kind = Misfit::Kind::kModes;
     misfit_.element = left.it.culprit;
@@ -98,7 +100,7 @@ scene_status ProgramMotion::beginNear(Begin how, bool are_given, bool may_move) 
   }
   const double* const velocity = left.state + S;
   if (areFinite(velocity, S)) std::copy_n(velocity, S, state_ + S);
-  status = judgeVelocities(status, may_move, left);
+  status = judgeVelocities(status, may_move || !is_moved, left);
   if (status != SCENE_INCONSISTENT && misfit_.kind == Misfit::Kind::kNone) {
     if (search_ != nullptr) status = beginWithFound(how, are_given, &left);
     if (status == SCENE_OK && are_given && !may_move) status = judgeAccelerations(left);
