@@ -155,6 +155,30 @@ tell: {when: "lamp - 0.5", set: {told: "told + 1"}}
 }
 
 // Under generalized_gauss R goes on from where it was, as behind a command.
+// Rounding does not decide which of the two comes first.
+TEST(Events, AtTheInstantOfACommandHappenBeforeIt) {
+  for (const char* const instant : {"0.7", "1", "1.3", "2.1", "3"}) {
+    for (const StepperKind stepper :
+         {StepperKind::kAuto, StepperKind::kRadau, StepperKind::kDopri5, StepperKind::kFehlberg78,
+          StepperKind::kRk4, StepperKind::kTaylorFixed}) {
+      SCOPED_TRACE(std::string(instant) + toString(stepper));
+      Simulation simulation(test::withStepper(
+          test::sceneFromText(
+              "shafts: [a]\na: {inertia: 1}\ninputs: [u]\nu: {topic: u, initial: 0}\n"
+              "variables: [k]\nk: {initial: 1}\nevents: [e]\ne: {when: \"t - " +
+              std::string(instant) +
+              "\", direction: rising, set: {k: \"k + u\"}}\ntorques: [m]\n"
+              "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"sin(t) - "
+              "0.3*w_a + k\"}\n"),
+          stepper));
+      ASSERT_TRUE(simulation.advanceTo(std::stod(instant)).ok());
+      simulation.command(0, 0.25);
+      ASSERT_TRUE(simulation.advanceTo(4.0).ok());
+      EXPECT_EQ(variableOf(simulation, "k"), 1.0);
+    }
+  }
+}
+
 TEST(Events, JumpAsCommandsDo) {
   const std::string scene = R"yaml(
 shafts: [a, b]
