@@ -305,6 +305,29 @@ TEST(Crawls, AFreewheelLetsGoInsideAGap) {
   }
 }
 
+// A brake at the edge of its capacity lets a shaft off its stop while implicit steps are made: the
+// first coefficients of polynomials through stages do not tell to which side it goes.
+TEST(Crawls, ABrakeLetsAShaftOffItsStop) {
+  const std::string file = std::string(VARIATOR_SIM_TEST_DIR) + "/scenes/brake_on_a_stop.yaml";
+  for (const double tolerance : {1e-8, 1e-10, 1e-11, 1e-12}) {
+    const Played played =
+        run(test::withTolerance(test::sceneFromFile(file), tolerance), StepperKind::kAuto, 20.0);
+    ASSERT_TRUE(played.status.ok()) << played.text;
+    EXPECT_NEAR(played.sample.angle[0], -0.1, 1e-12) << tolerance;
+  }
+}
+
+// A reserve that is 0 but for the rounding of its last coefficients is known over the whole step.
+TEST(Crawls, ClutchesThatHoldNothingAtRest) {
+  const std::string file = std::string(VARIATOR_SIM_TEST_DIR) + "/scenes/two_clutches_at_rest.yaml";
+  for (const double tolerance : {1e-6, 1e-7, 1e-9}) {
+    const Played played =
+        run(test::withTolerance(test::sceneFromFile(file), tolerance), StepperKind::kAuto, 1.0);
+    ASSERT_TRUE(played.status.ok()) << played.text;
+    EXPECT_NEAR(played.sample.velocity[0], -0.23856130042, 20.0 * tolerance) << tolerance;
+  }
+}
+
 // Steady running at a tolerance that rounding does not leave: where it refuses nearly all steps the
 // motion goes on by other means.
 TEST(Crawls, StepsThatRoundingRefuses) {

@@ -199,7 +199,7 @@ VS_FUNCTION vs_event vs_find_event(const scene_model* m, const scene_series* it,
       const double reach = *theta * (1.0 + 1e-12) + rounding;
       if (is_known_in_parts && vs_condition(m, it, g, k, c) &&
           !(vs_clearance(c, it->order, reach, 0.0, INFINITY) > 0.0))
-        *theta = vs_known_part(c, it->order, *theta, noise);
+        *theta = vs_known_part(c, it->order, *theta, 1e-3 * ABSOLUTE_TOLERANCE);
     }
   }
   found.theta = *theta * (1.0 + 1e-12) + rounding;

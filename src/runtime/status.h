@@ -29,6 +29,7 @@ typedef struct {
   int left;         /* implicit steps before series are tried again */
   double by_series; /* length of the steps before implicit ones, s */
   double ahead;     /* length that the next implicit one may have, s; 0: unknown */
+  int is_behind;    /* 1: the last step ended on an event, where another motion begins */
   int is_first;     /* 1: the next step is the first one behind a command */
   double first;     /* length that such an implicit one may have, s; 0: unknown */
 } scene_choice;

@@ -73,9 +73,10 @@ VS_FUNCTION scene_status vs_expand_either(scene_model* m, double limit) {
 
 /* Polynomials of a step of at most `limit` s, by the method that was chosen. */
 VS_FUNCTION scene_status vs_find_polynomials(scene_model* m, double limit) {
-  /* (Series make a step that is no longer than theirs.) */
-  const int is_chosen =
-      CHOOSES_METHOD && m->choice.method == VS_IMPLICIT && limit > m->choice.by_series;
+  /* (Series make a step that is no longer than theirs, and one behind a change of modes: what lets
+     go begins with conditions that are 0, and their first coefficients decide their sides.) */
+  const int is_chosen = CHOOSES_METHOD && m->choice.method == VS_IMPLICIT &&
+                        limit > m->choice.by_series && !(HOLDS && m->choice.is_behind);
   scene_status status;
   if (SERIES_LEAD && m->choice.ahead == 0.0 && m->fixed == 0.0) {
     /* A first step by series tells how long those of a stepper by name may be. */
@@ -244,6 +245,7 @@ VS_FUNCTION scene_status vs_accept(scene_model* m, const vs_event* at, double th
     m->begun = m->now;
   }
   m->is_begun = is_smooth;
+  m->choice.is_behind = !is_smooth;
   if (SERIES_LEAD && (at->guard >= 0 || !is_smooth)) m->choice.ahead = 0.0;
   m->reached = theta;
   m->passed = at->guard;
