@@ -165,6 +165,62 @@ class SensitivityTest(SimulateTestCase):
         self.assertAlmostEqual(run["d(a/velocity)/d(u@2.0)"][0], 1.0, 12)
         self.assertAlmostEqual(run["d(a/angle)/d(u@1.0)"][0], 1.5, 12)
 
+    def test_commands_of_one_instant(self):
+        """On e_a^2 + e_b^2 = 4 both move on one straight line, in any order. At rest before, dQ = (k u, -3 v) at t = 1:
+        references of quadruple precision by differences of the jump map."""
+        scene = {"shafts": ["a", "b"], "a": {"inertia": 1.0}, "b": {"inertia": 1.0}, "inputs": ["u", "v"],
+                 "u": {"topic": "u", "initial": 0.0}, "v": {"topic": "v", "initial": 0.0}, "torques": ["m", "l"],
+                 "m": {"type": "variator_sim/ExpressionTorque", "shaft": "a", "torque": "k*u", "parameters": {"k": 2.0}},
+                 "l": {"type": "variator_sim/ExpressionTorque", "shaft": "b", "torque": "-3*v"}, "constraints": ["c"],
+                 "c": {"type": "variator_sim/AccelerationMagnitude", "shafts": ["a", "b"], "magnitude": 2.0},
+                 "initial": {"acceleration": [0.5, math.sqrt(3.75)]}}
+        commands = [(1.0, "u", 1.0), (1.0, "v", 1.0)]
+        for order in (commands, commands[::-1]):
+            run = variator_sim.simulate(scene, 2.0, times=[1.0, 2.0], commands=order, columns=COLUMNS,
+                                        gradient=["m/parameters/k", "u@1", "v@1"])
+            for path, value in (("m/parameters/k", -0.0820173557), ("u@1", -0.1640347115), ("v@1", -0.4742862038)):
+                np.testing.assert_allclose(run[f"d(a/acceleration)/d({path})"], value, atol=1e-8)
+            self.check(scene, ["m/parameters/k", "u@1", "v@1"], 2.0, order)
+
+    def test_timeout(self):
+        """J w' = u, u = 2 from 0.2 s on until it falls to 0 at 0.2 s + timeout: dw = 2 dtimeout."""
+        scene = {"shafts": ["a"], "a": {"inertia": 1.0}, "torques": ["m"], "m": {
+            "type": "variator_sim/CommandedTorque", "shaft": "a", "topic": "u", "initial": 1.0, "timeout": 0.5,
+            "on_timeout": "zero"}}
+        run = variator_sim.simulate(scene, 2.0, times=[0.5, 1.0, 2.0], commands=[(0.2, "u", 2.0)],
+                                    gradient=["m/timeout", "u@0.2"])
+        np.testing.assert_allclose(run["d(a/velocity)/d(m/timeout)"], [0.0, 2.0, 2.0], atol=1e-9)
+        np.testing.assert_allclose(run["d(a/angle)/d(m/timeout)"], [0.0, 0.6, 2.6], atol=1e-9)
+        np.testing.assert_allclose(run["d(a/velocity)/d(u@0.2)"], [0.3, 0.5, 0.5], atol=1e-9)
+
+    def test_timeouts_beside_commands(self):
+        """Timeouts of all holds, two of them of one command's instant, and one that a command at its instant ends."""
+        for hold in ({"hold": "zero_order"}, {"hold": "first_order_lag", "time_constant": 0.2},
+                     {"hold": "rate_limit", "rate": 3.0}, {"hold": "second_order_lag", "time_constant": 0.1}):
+            scene = {"shafts": ["a", "b"], "a": {"inertia": 1.0}, "b": {"inertia": 2.0}, "torques": ["m", "n", "l"],
+                     "m": {"type": "variator_sim/CommandedTorque", "shaft": "a", "topic": "u", "initial": 1.0,
+                           "timeout": 0.5, "on_timeout": "zero"},
+                     "n": {"type": "variator_sim/CommandedTorque", "shaft": "a", "topic": "n", "initial": 1.0, "max": 1.75,
+                           "timeout": 0.4, "on_timeout": "zero", **hold},
+                     "l": {"type": "variator_sim/ExpressionTorque", "shaft": "b", "torque": "-c*w_b",
+                           "parameters": {"c": 0.5}},
+                     "constraints": ["g"], "g": {"type": "variator_sim/KinematicRatio", "shafts": ["a", "b"],
+                                                 "ratio": {"times": [0, 1, 2], "values": [0.4, 0.8, 0.6]}},
+                     "principle": "gauss", "initial": {"velocity": [2.0, 0.8]}}
+            with self.subTest(hold["hold"]):
+                self.check(scene, ["n/timeout", "n/max", "m/timeout", "l/parameters/c"], 2.0,
+                           [(0.2, "u", 3.0), (0.3, "n", 2.0), (0.3, "u", 2.5), (1.2, "n", 1.5), (1.4, "n", 1.0)])
+
+    def test_refuses_what_has_no_derivative(self):
+        scene = {"shafts": ["a"], "a": {"inertia": 1.0}, "torques": ["m"],
+                 "m": {"type": "variator_sim/ExpressionTorque", "shaft": "a", "torque": "1 - w_a"},
+                 "solver": {"maximum_step": 0.5, "relative_tolerance": 1e-9}}
+        for paths in (["solver/maximum_step"], ["a/inertia", "solver/relative_tolerance"],
+                      ["a/inertia", "solver/maximum_step", "initial/velocity/0"]):
+            scene["initial"] = {"velocity": [1.0]}
+            with self.subTest(paths), self.assertRaisesRegex(variator_sim.SceneError, "solver/.*has no derivative"):
+                variator_sim.simulate(scene, 1.0, gradient=paths)
+
     def test_application_scenes_to_their_ends(self):
         # Their couplings twist by the small difference of large angles: rounding asks for coarser steps here.
         fine = {key: 1e-10 for key in TIGHT}

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <type_traits>
 #include <utility>
 
 #include "variator_sim/errors.h"
@@ -453,6 +454,11 @@ void MotionProgram::setMemory(const Scene& scene) {
   FIRST_EVENT = SIGNS - EVENTS;
 }
 
+std::vector<const MotionList<double>*> MotionProgram::numberLists() const {
+  return {&coupling,      &constant_value, &restitution, &closes_below, &parameter_of,
+          &initial_input, &minimum_of,     &maximum_of,  &timeout_of};
+}
+
 std::vector<double> MotionProgram::numbers() const {
   std::vector<double> made = rows_.numbers();
   const auto add = [&made](const std::vector<double>& more) {
@@ -463,10 +469,27 @@ std::vector<double> MotionProgram::numbers() const {
     add(it.pieces);
   }
   for (const std::vector<double>& it : passages) add(it);
-  for (const MotionList<double>* it : {&coupling, &constant_value, &restitution, &closes_below,
-                                       &parameter_of, &initial_input, &minimum_of, &maximum_of}) {
-    add(it->values);
-  }
+  for (const MotionList<double>* it : numberLists()) add(it->values);
+  return made;
+}
+
+std::vector<double> MotionProgram::otherNumbers() const {
+  std::vector<double> made = {fixed_step};
+  const std::vector<const MotionList<double>*> known = numberLists();
+  const auto add = [&](const auto& list) {
+    using Value = typename std::decay_t<decltype(list.values)>::value_type;
+    if constexpr (std::is_same_v<Value, double>) {
+      if (std::find(known.begin(), known.end(), &list) != known.end()) return;
+      made.insert(made.end(), list.values.begin(), list.values.end());
+    }
+  };
+#define VARIATOR_SIM_ADD(name) made.push_back(name);
+  VARIATOR_SIM_MOTION_NUMBERS(VARIATOR_SIM_ADD)
+#undef VARIATOR_SIM_ADD
+#define VARIATOR_SIM_ADD(type, name) add(name);  // NOLINT: a member
+  VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_ADD)
+  VARIATOR_SIM_MOTION_COMMANDS(VARIATOR_SIM_ADD)
+#undef VARIATOR_SIM_ADD
   return made;
 }
 

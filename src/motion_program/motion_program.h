@@ -64,6 +64,8 @@ class MotionProgram : public MotionData {
   std::vector<int> structure() const;
   /// Returns the numbers of formulas, tables and lists, in an order that the structure determines.
   std::vector<double> numbers() const;
+  /// Returns all numbers of the program that are not among these, nor of its structure.
+  std::vector<double> otherNumbers() const;
   /// Writes the integers of an initializer of a SeriesOperation, each with a comma behind it.
   static std::string integersOf(const expression::SeriesOperation& it);
   /// Writes the C of a library that steps the motion: the functions of host_kernel.h.
@@ -89,6 +91,8 @@ class MotionProgram : public MotionData {
   void setMemory(const Scene& scene);
   std::vector<int> findNeutral(const Scene& scene) const;
   int rowOf(expression::Node node) const;
+  /// Returns the lists that are among numbers().
+  std::vector<const MotionList<double>*> numberLists() const;
   std::string writeLists(bool shares) const;
   std::string writeSharedLists() const;
   std::string writeResolution(bool shares) const;

@@ -133,6 +133,7 @@ struct Source {
     }
     std::vector<Made> made;
     const Numbers along = slopeAlong(tree, read, by, direction, by.front().path, &made);
+    for (const Made& it : made) requireKnown(tree, read, by, *it.program);
     const std::vector<int> structure = made.front().program->structure();
     const Numbers values = combine(made, stencil_.of_value);
     Made node = std::move(made.front());
@@ -163,6 +164,24 @@ struct Source {
     throw SceneError(path,
                      "changes which formulas the motion has, and not their numbers alone: there "
                      "is no derivative by it");
+  }
+
+  /// Throws SceneError where a program of neighbouring values differs in numbers that have no
+  /// slope.
+  void requireKnown(const ParameterTree& tree, const Sensitivity::SceneReader& read,
+                    const std::vector<Parameter>& by, const MotionProgram& there) const {
+    const Numbers here = base.program->otherNumbers();
+    if (there.otherNumbers() == here) return;
+    std::string path = by.front().path;
+    for (std::size_t j = 0; by.size() > 1 && j < by.size(); ++j) {
+      ParameterTree moved = tree;
+      setValue(moved, by[j].path,
+               ParameterTree::real(by[j].value + stencil_.places.back() * by[j].unit));
+      if (make(moved, read).program->otherNumbers() != here) path = by[j].path;
+    }
+    throw SceneError(path,
+                     "changes how the motion is stepped, by what has no derivative; allowed: "
+                     "numbers of laws, inputs, tables and initial values");
   }
 
   /// Makes programs along a line, and returns the slopes of their numbers, per unit. On one side
