@@ -65,6 +65,20 @@ ParameterTree throughText(const ParameterTree& tree) {
   return readYamlText(toYaml(tree), "state");
 }
 
+/// A pulse that only stages get over, and an event, which is looked for before the next step.
+constexpr const char* kPulse = R"yaml(
+shafts: [s1]
+s1: {inertia: "2.09 + 0.019*sin(phi_s1) - 0.15*cos(t)"}
+torques: [pulse, push]
+pulse: {type: variator_sim/ExpressionTorque, shaft: s1,
+  torque: "2.48*tanh(exp(-((t - 1.94)/0.01)^2)*tanh(cos(t + phi_s1))) - 0.2*w_s1"}
+push: {type: variator_sim/ExpressionTorque, shaft: s1, torque: "1.0"}
+variables: [turns]
+turns: {initial: 0}
+events: [turn]
+turn: {when: "sin(t)", direction: rising, set: {turns: "turns + 1"}}
+)yaml";
+
 class SavedStates : public testing::TestWithParam<Case> {
  protected:
   Scene scene() const {
@@ -300,6 +314,7 @@ INSTANTIATE_TEST_SUITE_P(
              3.0,
              kInputCommands},
         Case{"rk4", withSolver(kInputs, "stepper: rk4, step: 0.003"), {0.6}, 3.0, kInputCommands},
+        Case{"pulse_and_event", kPulse, {4.251}, 10.0, {}},
         Case{"stiff", "benchmark/scenes/stiff_slip.yaml", {0.3, 0.9}, 2.0, {}}),
     [](const testing::TestParamInfo<Case>& tested) { return std::string(tested.param.name); });
 

@@ -41,6 +41,12 @@ VS_FUNCTION void vs_take_over(scene_model* m, const vs_exchange* from) {
     m->now.silence[i] = -1.0;
   }
   for (i = 0; i < K; ++i) m->longest[i] = 0.0;
+  /* (An implicit step would take up what was before.) */
+  for (i = 0; i < 2; ++i) {
+    vs_forget_polynomials(&m->series[i]);
+    m->series[i].slack = 0.0;
+  }
+  vs_forget_rounding(m);
   m->usual = from->usual;
   m->at_rest = 0.0;
   m->choice = from->choice;
