@@ -260,6 +260,26 @@ TEST(Delay, SavedWithItsPastGoesOnToTheBit) {
   EXPECT_TRUE(restored.advanceTo(7.0).ok()) << restored.describeStatus();
 }
 
+/// (No input is there but the delayed formula.)
+TEST(Delay, OfASceneWithoutInputsGoesOnFromItsSavedState) {
+  const char* const scene = R"yaml(
+shafts: [a]
+a: {inertia: 1}
+torques: [m]
+m: {type: variator_sim/ExpressionTorque, shaft: a, torque: "sin(t) - delay(w_a, 0.3)"}
+)yaml";
+  Simulation saved = simulate(scene);
+  ASSERT_TRUE(saved.advanceTo(1.1).ok());
+  MotionState state;
+  ASSERT_TRUE(saved.saveState(&state));
+  Simulation restored = simulate(scene);
+  const MotionState read = readMotionState(
+      readYamlText(toYaml(toTree(state, saved.scene())), "state"), saved.scene(), MotionState{});
+  ASSERT_EQ(restored.setState(read, false), "");
+  for (Simulation* it : {&saved, &restored}) ASSERT_TRUE(it->advanceTo(3.0).ok());
+  EXPECT_EQ(saved.sample().velocity[0], restored.sample().velocity[0]);
+}
+
 class DelayByMachineCode : public test::MachineCodeFolder {};
 
 TEST_F(DelayByMachineCode, IsTheInterpretersToTheBit) {

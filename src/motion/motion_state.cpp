@@ -214,7 +214,10 @@ void readShafts(ParameterReader& root, const Scene& scene, bool needs_all, Motio
 }
 
 void readInputs(ParameterReader& root, const Scene& scene, bool needs_all, MotionState* state) {
-  if (scene.inputs.empty() || (!needs_all && !root.has("inputs"))) return;
+  const bool has_none =  // (those of delays are in the past)
+      std::all_of(scene.inputs.begin(), scene.inputs.end(),
+                  [](const auto& it) { return it.kind == InputKind::kDelayed; });
+  if (!root.has("inputs") && (has_none || !needs_all)) return;
   ParameterReader inputs = root.section("inputs");
   for (const CommandInputSettings& input : scene.inputs) {
     if (input.kind != InputKind::kDelayed) inputs.allow(input.topic);
