@@ -79,6 +79,8 @@ class Comparison {
     minimal_ = linearize(scene_, start);
     // Projected, a push from a state that satisfies the constraints stays what it is.
     scene_.initial = {start.angle, start.velocity, start.acceleration, true};
+    // Beside elements that hold they follow from the modes.
+    if (!scene_.holdNames().empty()) scene_.initial.acceleration.clear();
     double fastest = 0.0;
     for (const auto& value : calcEigenvalues(minimal_)) {
       fastest = std::max(fastest, std::abs(value));
@@ -136,6 +138,7 @@ class Comparison {
       const auto s = static_cast<std::size_t>(i);
       scene.initial.angle[s] += size * minimal_.C(5 * i, push.state);
       scene.initial.velocity[s] += size * minimal_.C(5 * i + 1, push.state);
+      if (scene.initial.acceleration.empty()) continue;
       scene.initial.acceleration[s] += size * minimal_.C(5 * i + 2, push.state);
     }
     for (CommandInputSettings& input : scene.inputs) {
@@ -372,6 +375,63 @@ TEST(LinearModel, KeepsTheReactionOfAFreeShaftWithItsInertia) {
 }
 
 // --- where there is none -------------------------------------------------------------------------
+
+/// Two shafts and a gear between them: `keys` of the gear, and what drives.
+Scene lossyGear(const std::string& keys, const std::string& on_a, const std::string& on_b,
+                const std::string& rest) {
+  return test::sceneFromText(
+      "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ninputs: [u]\nu: {topic: u, initial: "
+      "0.5}\ntorques: [m, l]\nm: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+      on_a + "\"}\nl: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"" + on_b +
+      "\"}\nconstraints: [g]\ng: {type: variator_sim/KinematicRatio, shafts: [a, b], " + keys +
+      "}\n" + rest);
+}
+
+TEST(LinearModel, KnowsTheLossesOfTheSideThatDrives) {
+  const std::string gauss = "principle: gauss\n";
+  const std::string efficiencies = "efficiency: {driving: 0.9, driven: 0.8}, ";
+  const std::string turns = "ratio: {times: [0, 1, 2], values: [0.5, 0.8, 0.6]}";
+  const std::string forward = "initial: {velocity: [2, 1]}\n";
+  const std::string motor = "5*u - 0.1*w_a";
+  const std::string drag = "-0.4*w_b*abs(w_b)";
+  for (const Scene& scene : {
+           lossyGear(efficiencies + "ratio: 0.5", motor, drag, gauss + forward),
+           lossyGear(efficiencies + "ratio: 0.5", "-0.3*w_a*w_a", "6*u - w_b", gauss + forward),
+           lossyGear(efficiencies + "bearing: {driving: 0.2, driven: 0.1}, " + turns, motor, drag,
+                     gauss + forward),
+           lossyGear(efficiencies + "bearing: 0.2, " + turns, "0.3*w_a*w_a", "-6*u",
+                     gauss + "initial: {velocity: [-2, -1]}\n"),
+           lossyGear("efficiency: \"0.9 - 0.02*w_a\", ratio: 0.5", motor, drag, gauss + forward),
+           lossyGear(efficiencies + "bearing: \"0.1 + 0.05*w_a\", ratio: 0.5", motor, drag,
+                     forward),
+       }) {
+    Comparison(scene, {0.6}).expectLikeRuns();
+  }
+}
+
+/// (J_a + 1/2 J_b 1/2 / 0.9) w' = 5 - (0.1 + 1/2 0.4 1/2 / 0.9) w
+TEST(LinearModel, OfALossyGearDecaysAsItsMotion) {
+  for (const char* const principle : {"principle: gauss\n", "principle: generalized_gauss\n"}) {
+    const Scene scene = lossyGear("ratio: 0.5, efficiency: 0.9", "5 - 0.1*w_a", "-0.4*w_b",
+                                  std::string(principle) + "initial: {velocity: [2, 1]}\n");
+    const LinearModel model = linearize(scene, runTo(scene, "", 1.0));
+    const auto eigenvalues = calcEigenvalues(model);
+    EXPECT_NEAR(eigenvalues.back().real(), -(0.1 + 0.1 / 0.9) / (1.0 + 0.5 / 0.9), 1e-12);
+  }
+}
+
+TEST(LinearModel, IsRefusedByNameForLossesThatTurnTheReaction) {
+  const Scene scene = lossyGear("ratio: {times: [0, 2], values: [0.5, 0.8]}, efficiency: 0.9", "5",
+                                "-w_b", "initial: {velocity: [2, 1]}\n");
+  try {
+    linearize(scene, runTo(scene, "", 0.5));
+    FAIL() << "no model exists";
+  } catch (const SceneError& error) {
+    EXPECT_EQ(error.keyPath(), "g");
+    EXPECT_NE(std::string(error.what()).find("losses"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("principle: gauss"), std::string::npos);
+  }
+}
 
 TEST(LinearModel, IsRefusedWhereThereIsNone) {
   const Scene scene = test::sceneFromText(sceneText(kCases[2]));

@@ -200,5 +200,46 @@ TEST(OperatingPoint, IsCompletedFromTheScene) {
   EXPECT_THROW(readOperatingPoint(readYamlText("{inputs: {gas: 1}}", "s"), scene, "s"), SceneError);
 }
 
+Scene lossyGear(const std::string& motor, const std::string& gear, const std::string& rest) {
+  return test::sceneFromText(
+      "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [m, l]\nm: {type: "
+      "variator_sim/ExpressionTorque, shaft: a, torque: \"" +
+      motor +
+      "\"}\nl: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"-0.4*w_b\"}\n"
+      "constraints: [g]\ng: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: 0.5, " +
+      gear + "}\n" + rest);
+}
+
+/// The torque that goes through a gear is 1/e_1 or e_2 of what arrives.
+TEST(Trim, OfALossyGearIsWithItsLosses) {
+  for (const std::string principle : {"principle: gauss\n", "principle: generalized_gauss\n"}) {
+    const std::string forward = principle + "initial: {velocity: [2, 1]}\n";
+    TrimResult result =
+        trim(lossyGear("5 - 0.1*w_a", "efficiency: 0.9, bearing: 0.3", forward), TrimOptions());
+    ASSERT_EQ(result.states.size(), 1U) << result.message;
+    const OperatingPoint& point = result.states[0].point;
+    // 5 - 0.1 w = (0.4 w/2 / 2 + 0.3) / 0.9
+    EXPECT_NEAR(point.velocity[0], (5.0 - 0.3 / 0.9) / (0.1 + 0.1 / 0.9), 1e-8);
+    EXPECT_EQ(point.mode, std::vector<int>{1});
+    Scene scene = lossyGear("5 - 0.1*w_a", "efficiency: 0.9, bearing: 0.3", forward);
+    scene.initial = {point.angle, point.velocity, {}, false};
+    Simulation simulation(scene);
+    ASSERT_TRUE(simulation.advanceTo(1.0).ok());
+    EXPECT_NEAR(simulation.sample().velocity[0], point.velocity[0], 1e-7);
+
+    // At rest the bearing holds 0.2 N m.
+    result = trim(lossyGear("0.2", "bearing: 0.3", principle), TrimOptions());
+    ASSERT_EQ(result.states.size(), 1U) << result.message;
+    EXPECT_NEAR(result.states[0].point.velocity[0], 0.0, 1e-12);
+
+    // At the start the load drives, and of steady states only the motor does.
+    result = trim(lossyGear("-5 - 0.1*w_a", "efficiency: 0.9", forward), TrimOptions());
+    EXPECT_TRUE(result.states.empty());
+    EXPECT_NE(result.message.find("'g' would not stay backward"), std::string::npos)
+        << result.message;
+    EXPECT_EQ(result.message.find("N m"), std::string::npos) << result.message;
+  }
+}
+
 }  // namespace
 }  // namespace variator_sim

@@ -110,7 +110,7 @@ class Linearizer {
       : scene_(scene),
         point_(point),
         kind_(kindOf(scene)),
-        equations_(scene, point.mode, kind_ == MotionKind::kFormal),
+        equations_(scene, modesAt(scene, point), kind_ == MotionKind::kFormal),
         layout_(equations_.layout()),
         formulas_(makeModelFormulas(equations_, scene)),
         motion_states_((kind_ == MotionKind::kClassical ? 2 : 3) * layout_.S) {
@@ -300,12 +300,12 @@ class Linearizer {
       // a = J^-1 (R - C^T lambda) stays 0.
       reactions = variables.middleRows(layout_.auxiliary(0), layout_.S).leftCols(n);
     } else if (formulas_.conserved_rows == layout_.S && layout_.k > 0) {
-      // A constant C keeps h.R for every h with C h = 0.
-      MatrixXd C(layout_.k, layout_.S);
-      for (int i = 0; i < layout_.S; ++i) {
-        C.col(i) = derivatives_.col(layout_.jerk(i)).segment(layout_.S, layout_.k);
+      // A constant D keeps h.R for every h with D h = 0.
+      MatrixXd D(layout_.k, layout_.S);
+      for (int m = 0; m < layout_.k; ++m) {
+        D.row(m) = -derivatives_.col(layout_.multiplierRate(m)).head(layout_.S).transpose();
       }
-      reactions = findKernel(C, 1e-12).transpose() * reactions;
+      reactions = findKernel(D, 1e-12).transpose() * reactions;
     }
     MatrixXd all(constraints.rows() + reactions.rows(), n);
     all << constraints, reactions;

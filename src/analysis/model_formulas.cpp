@@ -58,7 +58,7 @@ void addRows(const MotionEquations& equations, MotionKind kind, ModelFormulas& f
 }
 
 void addConserved(MotionEquations& equations, ModelFormulas& formulas) {
-  // R' = C^T Lambda: h.R is conserved for every h with C h = 0 at all states. With an inertia that
+  // R' = D^T Lambda: h.R is conserved for every h with D h = 0 at all states. With an inertia that
   // depends on the angle it is R_i / sqrt(J_i) of a shaft that no constraint reads.
   expression::Graph& graph = equations.graph();
   const auto& constraints = equations.constraints();
@@ -70,11 +70,11 @@ void addConserved(MotionEquations& equations, ModelFormulas& formulas) {
   for (int i = 0; i < equations.layout().S; ++i) {
     const bool is_neutral = std::all_of(
         constraints.begin(), constraints.end(),
-        [&](const ConstraintFormulas& it) { return graph.isConstant(it.C[at(i)], 0.0); });
+        [&](const ConstraintFormulas& it) { return graph.isConstant(it.D[at(i)], 0.0); });
     if (!is_neutral && !is_constant) continue;
     const Node root = graph.make(expression::Operation::kSqrt, equations.inertia(i, i));
     const Node row = equations.reaction(i);
-    // (For a constant C all R_i are stated; calcManifoldRows combines them.)
+    // (For a constant D all R_i are stated; calcManifoldRows combines them.)
     formulas.all.push_back(equations.hasConstantInertia() ? row : graph.divide(row, root));
     ++formulas.conserved_rows;
   }

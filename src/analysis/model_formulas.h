@@ -5,7 +5,7 @@
 ///     gauss, orders 1, 2   y = (epsilon, lambda)           R - C^T lambda, psi (order 1: f')
 ///     gauss with order 3   y = (eta, lambda', a, lambda)   R' - (C^T lambda)', C eta + c0,
 ///                                                          J a - R + C^T lambda, C a
-/// with R = J epsilon + n - Q.
+/// with R = J epsilon + n - Q. Losses that slide have D^T in the place of C^T.
 #pragma once
 
 #include <vector>

@@ -32,10 +32,43 @@ std::vector<HoldFormulas> collectHolds(const Scene& scene) {
                        nodeOf(it.lower), nodeOf(it.level)});
     }
   }
+  for (int m = 0; m < scene.constraintCount(); ++m) {
+    const Constraint& element = *scene.constraints[at(m)];
+    for (const Holding& it : element.holdings()) {
+      HoldFormulas hold{element.nameOf(it), it.slip.in(graph), it.side.in(graph)};
+      hold.load = m;
+      for (int k = 0; k < 2; ++k) {
+        hold.slope[k] = it.losses->slope[k].in(graph);
+        hold.base[k] = it.losses->base[k].in(graph);
+      }
+      holds.push_back(hold);
+    }
+  }
   return holds;
 }
 
 }  // namespace
+
+std::vector<int> modesAt(const Scene& scene, const OperatingPoint& point) {
+  std::vector<int> mode = point.mode;
+  const std::vector<HoldFormulas> holds = collectHolds(scene);
+  for (std::size_t h = 0; h < mode.size(); ++h) {
+    if (holds[h].load < 0 || mode[h] == 0) continue;
+    Graph& graph = *scene.graph;
+    StateView state{};
+    state.time = point.time;
+    state.angle = point.angle.data();
+    state.velocity = point.velocity.data();
+    double slip = expression::Tape(graph, {holds[h].slip}).evaluate(state)[0];
+    // (At rest it slides to the side to which it begins to move.)
+    if (slip == 0.0) {
+      state.velocity = point.acceleration.data();
+      slip = expression::Tape(graph, {holds[h].slip}).evaluate(state)[0];
+    }
+    mode[h] = (slip < 0.0 ? -1 : 1) * (mode[h] > 0 ? 1 : 3);
+  }
+  return mode;
+}
 
 int VariableLayout::slot(int n) const {
   if (n == 0) return slotOf(Source::kTime);
@@ -54,12 +87,12 @@ StateView VariableLayout::view(const VectorXd& v) const {
 }
 
 MotionEquations::MotionEquations(const Scene& scene, const std::vector<int>& mode,
-                                 bool with_rates_of_c)
+                                 bool with_rates_of_d)
     : scene_(scene),
       torques_(sumTorques(scene, &Torque::torques)),
       holds_(collectHolds(scene)),
       graph_(*scene.graph),
-      with_rates_of_c_(with_rates_of_c) {
+      with_rates_of_d_(with_rates_of_d) {
   scene.refuseDelays(
       "linear models, steady states and checks of the principle have no past here; allowed: states "
       "that follow it instead, rate: (x - z)/0.2, or of a steady state a scene without the delay");
@@ -82,7 +115,8 @@ MotionEquations::MotionEquations(const Scene& scene, const std::vector<int>& mod
 
 void MotionEquations::takeModes(const std::vector<int>& mode) {
   for (std::size_t h = 0; h < holds_.size(); ++h) {
-    const bool slides = mode[h] == -1 || mode[h] == 1;
+    const bool is_loss = holds_[h].load >= 0;
+    const bool slides = mode[h] != 0 && mode[h] != 2;
     sides_.emplace_back(graph_.entry(holds_[h].side).slot, graph_.constant(slides ? mode[h] : 0.0));
     const std::size_t before = constraints_.size();
     if (mode[h] == 0) addStuck(holds_[h].name, holds_[h].slip);
@@ -91,13 +125,45 @@ void MotionEquations::takeModes(const std::vector<int>& mode) {
       const int slot = expression::heldSlot(value, static_cast<int>(h));
       sides_.emplace_back(slotOf(Source::kHeld, slot), node);
     };
-    set(expression::HeldValue::kMode, graph_.constant(mode[h]));
+    const int told = is_loss && slides ? (LossMode(mode[h]).line == 0 ? 1 : -1) : mode[h];
+    set(expression::HeldValue::kMode, graph_.constant(told));
     set(expression::HeldValue::kCounts, graph_.constant(counts ? 1.0 : 0.0));
     set(expression::HeldValue::kMultiplier,
         counts ? variable(layout_.multiplier(static_cast<int>(before))) : graph_.constant(0.0));
   }
   for (Node& torque : torques_) torque = inModes(torque);
+  for (std::size_t h = 0; h < holds_.size(); ++h) {
+    if (holds_[h].load >= 0 && mode[h] != 0) addLosses(holds_[h], LossMode(mode[h]));
+  }
   layout_.k = static_cast<int>(constraints_.size());
+  for (ConstraintFormulas& it : constraints_) {
+    for (const Node D : it.D) {
+      if (with_rates_of_d_) it.D_rate.push_back(rate(D));
+    }
+  }
+}
+
+void MotionEquations::addLosses(const HoldFormulas& hold, LossMode mode) {
+  if (scene_.principle == Principle::kGauss && scene_.hasOrder3()) {
+    throw SceneError(hold.name,
+                     "has losses, which linear models and steady states here do not know beside a "
+                     "constraint of order 3 under 'principle: gauss'; allowed: orders 1 and 2");
+  }
+  ConstraintFormulas& loaded = constraints_[at(hold.load)];
+  const Node base = graph_.multiply(graph_.constant(mode.side), inModes(hold.base[mode.line]));
+  const Node slope = inModes(hold.slope[mode.line]);
+  for (int i = 0; i < layout_.S; ++i) {
+    const Node C = graph_.differentiate(hold.slip, layout_.slot(layout_.velocity(i)));
+    Node& D = loaded.D[at(i)];
+    D = graph_.subtract(D, graph_.multiply(C, slope));
+    torques_[at(i)] = graph_.subtract(torques_[at(i)], graph_.multiply(C, base));
+    // Of R = D^T lambda with dD/dt lambda as a part of R' lambda would be a state.
+    if (scene_.principle == Principle::kGauss || graph_.isConstant(D)) continue;
+    throw SceneError(hold.name,
+                     "has losses whose part of the torque changes, which linear models and steady "
+                     "states under 'principle: generalized_gauss' do not know; allowed: a ratio "
+                     "and efficiencies that are numbers, or 'principle: gauss'");
+  }
 }
 
 void MotionEquations::addStuck(const std::string& name, Node slip) {
@@ -110,8 +176,8 @@ void MotionEquations::addStuck(const std::string& name, Node slip) {
   for (int i = 0; i < layout_.S; ++i) {
     stuck.C.push_back(graph_.differentiate(slip, layout_.slot(layout_.velocity(i))));
     stuck.has_constant_C = stuck.has_constant_C && graph_.isConstant(stuck.C.back());
-    if (with_rates_of_c_) stuck.C_rate.push_back(rate(stuck.C.back()));
   }
+  stuck.D = stuck.C;
   constraints_.push_back(std::move(stuck));
   // A row that others imply leaves the motion as it is without it.
   std::vector<const ConstraintFormulas*> constant;
@@ -145,9 +211,7 @@ void MotionEquations::addConstraint(const Constraint& constraint) {
     formulas.acceleration = constraint.secondOrder();
     formulas.jerk = rate(formulas.acceleration);
   }
-  for (const Node C : formulas.C) {
-    if (with_rates_of_c_) formulas.C_rate.push_back(rate(C));
-  }
+  formulas.D = formulas.C;
   constraints_.push_back(std::move(formulas));
 }
 
@@ -199,11 +263,11 @@ Node MotionEquations::balance(int i) {
 
 Node MotionEquations::balanceOfRates(int i) {
   Node rest = graph_.subtract(reactionRate(i), combine(i, layout_.multiplierRate(0)));
-  if (!with_rates_of_c_) {
+  if (!with_rates_of_d_) {
     return hasConstantInertia() ? rest : graph_.subtract(rest, connection(i));
   }
   for (int m = 0; m < layout_.k; ++m) {
-    const Node turn = constraints_[at(m)].C_rate[at(i)];
+    const Node turn = constraints_[at(m)].D_rate[at(i)];
     rest = graph_.subtract(rest, graph_.multiply(variable(layout_.multiplier(m)), turn));
   }
   return rest;
@@ -216,7 +280,7 @@ Node MotionEquations::auxiliaryTorque(int i) {
 
 Node MotionEquations::combine(int i, int first) {
   return sum(layout_.k, [&](int m) {
-    return graph_.multiply(constraints_[at(m)].C[at(i)], variable(first + m));
+    return graph_.multiply(constraints_[at(m)].D[at(i)], variable(first + m));
   });
 }
 

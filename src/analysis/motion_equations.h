@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "variator_sim/expression/tape.h"
+#include "variator_sim/operating_point.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
@@ -52,27 +53,45 @@ struct ConstraintFormulas {
   expression::Node acceleration;         ///< f' or psi, of orders 1 and 2
   expression::Node jerk;                 ///< C eta + c0
   std::vector<expression::Node> C;       ///< s
-  std::vector<expression::Node> C_rate;  ///< dC/dt = D + H eta, s; under `gauss` of order 3
+  std::vector<expression::Node> D;       ///< of the reaction D^T lambda: C, but for losses; s
+  std::vector<expression::Node> D_rate;  ///< dD/dt, s; under `gauss` of order 3
   bool has_constant_C = false;
   std::string name;  ///< "constraint 'belt'"
 };
 
-/// An element that holds (Holding); absent limits are Node{}.
+/// An element that holds (Holding); absent limits are Node{}. Losses of constraint `load` are one,
+/// too: while they slide to the side s = 1 or -1 their torque is
+///     T = slope[k] lambda + s base[k],  that of the larger s T.
 struct HoldFormulas {
   std::string name;
   expression::Node slip;
   expression::Node side;
-  expression::Node upper;
-  expression::Node lower;
-  expression::Node level;
+  expression::Node upper = {};
+  expression::Node lower = {};
+  expression::Node level = {};
+  int load = -1;
+  expression::Node slope[2] = {};
+  expression::Node base[2] = {};
 };
 
+/// The mode of losses in these equations: s with k = 0, 3 s with k = 1, or 0.
+struct LossMode {
+  explicit LossMode(int mode) : side(mode > 0 ? 1 : -1), line(mode == side ? 0 : 1) {}
+  int side;  ///< s
+  int line;  ///< k
+};
+
+/// Returns the modes of a point for MotionEquations: those of losses, which OperatingPoint has by
+/// the shaft that drives, with the side of the slip there.
+std::vector<int> modesAt(const Scene& scene, const OperatingPoint& point);
+
 /// The formulas of a scene, in a copy of its graph. Elements that hold are in one mode each: a
-/// stuck one is a constraint of order 1 behind those of the scene, one that slides a torque.
+/// stuck one is a constraint of order 1 behind those of the scene, one that slides a torque; losses
+/// that slide turn the reaction of their constraint from C to D, and are a torque without load.
 class MotionEquations {
  public:
-  /// `mode`: of OperatingPoint; `with_rates_of_c`: see ConstraintFormulas.
-  MotionEquations(const Scene& scene, const std::vector<int>& mode, bool with_rates_of_c);
+  /// `mode`: of modesAt; `with_rates_of_d`: see ConstraintFormulas.
+  MotionEquations(const Scene& scene, const std::vector<int>& mode, bool with_rates_of_d);
 
   const VariableLayout& layout() const { return layout_; }
   expression::Graph& graph() { return graph_; }
@@ -93,14 +112,14 @@ class MotionEquations {
   expression::Node reactionRate(int i);
   /// Returns Gamma R omega [6], with a = J^-1 R: the part of R' beside C^T Lambda, N m/s.
   expression::Node connection(int i);
-  /// Returns R_i - sum_m C_mi lambda_m: 0 if the torques balance (gauss, steady states).
+  /// Returns R_i - sum_m D_mi lambda_m: 0 if the torques balance (gauss, steady states).
   expression::Node balance(int i);
-  /// Returns R' - C^T Lambda - Gamma R omega (generalized_gauss), or with the rates of C the whole
-  /// rate of R - C^T lambda (gauss): 0 along the motion by the principle of a rate.
+  /// Returns R' - D^T Lambda - Gamma R omega (generalized_gauss), or with the rates of D the whole
+  /// rate of R - D^T lambda (gauss): 0 along the motion by the principle of a rate.
   expression::Node balanceOfRates(int i);
   /// Returns sum_j J_ij a_j.
   expression::Node auxiliaryTorque(int i);
-  /// Returns sum_m C_mi times the variable `first + m`.
+  /// Returns sum_m D_mi times the variable `first + m`.
   expression::Node combine(int i, int first);
   /// Returns term(0) + .. + term(count - 1).
   template <class Term>
@@ -118,13 +137,14 @@ class MotionEquations {
   void addConstraint(const Constraint& constraint);
   void takeModes(const std::vector<int>& mode);
   void addStuck(const std::string& name, expression::Node slip);
+  void addLosses(const HoldFormulas& hold, LossMode mode);
 
   const Scene& scene_;
   std::vector<expression::Node> torques_;  ///< in the scene's graph, before it is copied
   std::vector<HoldFormulas> holds_;        ///< likewise
   expression::Graph graph_;
   VariableLayout layout_;
-  bool with_rates_of_c_;
+  bool with_rates_of_d_;
   std::vector<expression::Graph::Rate> rates_;
   std::vector<expression::Graph::Rate> sides_;  ///< of elements that hold
   std::vector<ConstraintFormulas> constraints_;

@@ -29,11 +29,13 @@ double largestOf(const VectorXd& v) {
 
 class Trim {
  public:
-  Trim(const Scene& scene, const TrimOptions& options, const std::vector<int>& mode)
+  /// `start`: of the scene, whose modes are those of the steady states.
+  Trim(const Scene& scene, const TrimOptions& options, const OperatingPoint& start)
       : scene_(scene),
         options_(options),
-        mode_(mode),
-        equations_(scene, mode, scene.principle == Principle::kGauss),
+        told_mode_(start.mode),
+        mode_(modesAt(scene, start)),
+        equations_(scene, mode_, scene.principle == Principle::kGauss),
         layout_(equations_.layout()),
         formulas_(makeBalance(equations_, scene, options.accelerating)),
         quantities_(listTrimQuantities(equations_, scene)) {
@@ -339,6 +341,27 @@ class Trim {
     }
     return difference.cwiseAbs().maxCoeff() < 1e-6;
   }
+  /// Returns what is not negative where losses are in a mode; `torque`: that they hold with.
+  std::vector<Node> conditionsOfLosses(const HoldFormulas& it, int mode, Node torque) {
+    expression::Graph& graph = equations_.graph();
+    const auto lineOf = [&](int side, int line) {  // s T
+      const Node lambda = equations_.variable(layout_.multiplier(it.load));
+      const Node load = graph.multiply(equations_.inModes(it.slope[line]), lambda);
+      return graph.add(graph.multiply(graph.constant(side), load),
+                       equations_.inModes(it.base[line]));
+    };
+    if (mode != 0) {
+      const LossMode is(mode);
+      return {graph.multiply(graph.constant(is.side), it.slip),
+              graph.subtract(lineOf(is.side, is.line), lineOf(is.side, 1 - is.line))};
+    }
+    std::vector<Node> conditions;
+    for (const int side : {1, -1}) {
+      const Node most = graph.maximum(lineOf(side, 0), lineOf(side, 1));
+      conditions.push_back(graph.subtract(most, graph.multiply(graph.constant(side), torque)));
+    }
+    return conditions;
+  }
   /// Returns why the elements do not stay in their modes there; "" if they do.
   std::string leavesModes(const VectorXd& v) {
     expression::Graph& graph = equations_.graph();
@@ -351,15 +374,16 @@ class Trim {
         torque = graph.negate(equations_.variable(layout_.multiplier(m)));
       }
       std::vector<Node> conditions;  // not negative in the mode
-      if (mode_[h] == 1) conditions.push_back(it.slip);
-      if (mode_[h] == -1) conditions.push_back(graph.negate(it.slip));
+      if (it.load >= 0) conditions = conditionsOfLosses(it, mode_[h], torque);
+      if (it.load < 0 && mode_[h] == 1) conditions.push_back(it.slip);
+      if (it.load < 0 && mode_[h] == -1) conditions.push_back(graph.negate(it.slip));
       if (is_stuck && it.upper != Node{}) conditions.push_back(graph.subtract(it.upper, torque));
       if (is_stuck && it.lower != Node{}) conditions.push_back(graph.subtract(torque, it.lower));
       if (mode_[h] != 2 && it.level != Node{}) conditions.push_back(it.level);
       for (const Node condition : conditions) {
         const double left = expression::Tape(graph, {condition}).evaluate(layout_.view(v))[0];
         if (left >= -1e-8 * std::max(1.0, v.cwiseAbs().maxCoeff())) continue;
-        return inQuotes(it.name) + " would not stay " + modeName(mode_[h]) +
+        return inQuotes(it.name) + " would not stay " + modeName(told_mode_[h]) +
                (is_stuck ? ", by " + formatNumber(-left) + " N m" : "") +
                "; the modes are those of the scene's start";
       }
@@ -414,7 +438,7 @@ class Trim {
     for (int i = 0; i < layout_.U; ++i) point.input.push_back(v(layout_.input(i)));
     point.input_rate.assign(point.input.size(), 0.0);
     point.command = point.input;
-    point.mode = mode_;
+    point.mode = told_mode_;
     state.residual = attempt.residual;
     for (int j = 0; j < free.rows(); ++j) {
       const std::string name = nameOf(unknowns_[at(j)]);
@@ -425,7 +449,8 @@ class Trim {
 
   const Scene& scene_;
   const TrimOptions& options_;
-  const std::vector<int> mode_;  ///< of elements that hold
+  const std::vector<int> told_mode_;  ///< of elements that hold
+  const std::vector<int> mode_;       ///< the same, of modesAt
   MotionEquations equations_;
   const VariableLayout& layout_;
   std::vector<NamedFormula> formulas_;
@@ -438,10 +463,10 @@ class Trim {
 }  // namespace
 
 TrimResult trim(const Scene& scene, const TrimOptions& options) {
-  std::vector<int> mode;
-  if (!scene.holdNames().empty()) mode = Simulation(scene).operatingPoint().mode;
-  TrimResult result = Trim(scene, options, mode).find();
-  if (!mode.empty()) result.message += "; modes: " + describeModes(scene, mode);
+  OperatingPoint start;
+  if (!scene.holdNames().empty()) start = Simulation(scene).operatingPoint();
+  TrimResult result = Trim(scene, options, start).find();
+  if (!start.mode.empty()) result.message += "; modes: " + describeModes(scene, start.mode);
   return result;
 }
 
