@@ -59,8 +59,8 @@ struct MotionBase {
 
   const MotionStatus& advanceTo(double end);
   /// Carries out commands; nothing else does. All that wait take effect together at the current
-  /// time: inputs that jump move on the straight line between their old and new values, so that no
-  /// order means anything.
+  /// time: where inputs jump the torques move on the straight line between their old and new
+  /// values, so that no order means anything.
   void settle();
   /// Returns the current state without settling commands.
   Sample& sample();
