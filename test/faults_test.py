@@ -29,9 +29,11 @@ import rosparam
 import rospkg
 import rospy
 import rosunit
+import yaml
 from std_msgs.msg import Float64
 from variator_sim.msg import DrivetrainState, SimulationStatus
 
+from support import faulty_package
 from support.node_client import PATIENCE, Listener, NodeClient, wait_for
 from support.subtests import TestCase
 
@@ -194,6 +196,19 @@ class FaultsTest(TestCase):
         self.expect_good_end(node, signal.SIGTERM)
         self.assertLess(time.monotonic() - begin, 5.0)
         caller.join()
+
+    def test_a_plugin_that_throws_stops_its_motion_alone(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        rosparam.upload_params('/faulty', yaml.safe_load(faulty_package.scene('throws_a_number', 0.05)))
+        node = self.spawn(PROGRAM, '__name:=faulty', env=dict(os.environ, **faulty_package.environment(folder.name)))
+        client = self.client('faulty', states=False)
+        for _ in range(2):
+            status = client.wait_for_state(SimulationStatus.STOPPED)
+            self.assertEqual(status.stop_reason, 'NonFiniteValue')
+            self.assertIn("torque 'drag', whose function threw: an exception of type int", status.message)
+            self.assertTrue(client.trigger('reset').success)
+        self.assertIsNone(node.poll())
 
     def test_help_and_unknown_arguments_need_no_master(self):
         environment = dict(os.environ, ROS_MASTER_URI='http://127.0.0.1:1')

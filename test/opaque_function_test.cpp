@@ -9,6 +9,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -419,6 +420,75 @@ TEST(OpaqueFunction, OfAWrongGradientIsCaughtByName) {
                           }};
   const std::string of_jacobian = messageOf(kTorques[0], acceleration);
   EXPECT_EQ(of_jacobian.rfind(wrong, 0), 0U) << of_jacobian;
+}
+
+/// -x, throwing once the time, its other argument, is above 0.5 s.
+class Throwing : public OpaqueFunction {
+ public:
+  Throwing(bool in_gradient, bool is_number)
+      : OpaqueFunction(2), in_gradient_(in_gradient), is_number_(is_number) {}
+  double value(const double* x) const override {
+    if (!in_gradient_) failAfter(x[1]);
+    return -x[0];
+  }
+  void calcGradient(const double* x, double* gradient) const override {
+    if (in_gradient_) failAfter(x[1]);
+    gradient[0] = -1.0;
+  }
+
+ private:
+  void failAfter(double time) const {
+    if (time <= 0.5) return;
+    if (is_number_) throw 5;
+    throw std::runtime_error("the sensor is off");
+  }
+  const bool in_gradient_;
+  const bool is_number_;
+};
+
+template <bool kInGradient, bool kIsNumber>
+Expression throwing(LawContext& scene, const std::vector<Shaft>& s, bool /*is_opaque*/) {
+  return scene.function(std::make_shared<Throwing>(kInGradient, kIsNumber),
+                        {s[0].velocity, scene.time()});
+}
+
+TEST(OpaqueFunction, ThatThrowsStopsItsMotionByName) {
+  const std::string error = "the sensor is off";
+  const std::string number = "an exception of type int, which is no std::exception";
+  for (const auto& [torque, thrown] :
+       {std::pair(Case{"value, error", &throwing<false, false>}, error),
+        std::pair(Case{"value, number", &throwing<false, true>}, number),
+        std::pair(Case{"gradient, error", &throwing<true, false>}, error),
+        std::pair(Case{"gradient, number", &throwing<true, true>}, number)}) {
+    SCOPED_TRACE(torque.name);
+    Simulation simulation(sceneOf(torque, kConstraints[0], true));
+    const MotionStatus status = simulation.advanceTo(2.0);
+    ASSERT_FALSE(status.ok());
+    EXPECT_NEAR(status.time, 0.5, 1e-3);
+    const std::string text = simulation.describeStatus();
+    EXPECT_NE(text.find("torque 'it', whose function threw: " + thrown + ";"), std::string::npos)
+        << text;
+    EXPECT_NE(text.find("; last good state: angle = "), std::string::npos) << text;
+    EXPECT_TRUE(std::isfinite(simulation.sample().velocity[0]));
+    simulation.reset();
+    EXPECT_TRUE(simulation.advanceTo(0.4).ok()) << simulation.describeStatus();
+  }
+}
+
+TEST(OpaqueFunction, ThatIsMissingOrThrowsAtConstantsIsRefusedByName) {
+  const Case missing{"none", [](LawContext& scene, const std::vector<Shaft>& s, bool) {
+                       return scene.function(nullptr, {s[0].velocity});
+                     }};
+  EXPECT_EQ(messageOf(missing, kConstraints[0]),
+            "it: its opaque function is a null pointer; allowed: an object of a class derived from "
+            "variator_sim::OpaqueFunction");
+  const Case constant{
+      "constant", [](LawContext& scene, const std::vector<Shaft>& s, bool) {
+        return s[0].velocity * scene.function(std::make_shared<Throwing>(false, true), {1, 2});
+      }};
+  EXPECT_EQ(messageOf(constant, kConstraints[0]),
+            "it: its opaque function threw, at constant arguments: an exception of type int, which "
+            "is no std::exception");
 }
 
 }  // namespace

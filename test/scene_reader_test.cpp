@@ -22,6 +22,10 @@ class ThrowingTorque : public Torque {
   void build(LawContext& /*scene*/) override { throw std::runtime_error("no licence found"); }
 };
 
+class ThrowingANumber : public Torque {
+  void build(LawContext& /*scene*/) override { throw 5; }
+};
+
 class FakeFactory : public ComponentFactory {
  public:
   ConstraintPtr createConstraint(const std::string& type) override {
@@ -31,12 +35,13 @@ class FakeFactory : public ComponentFactory {
   TorquePtr createTorque(const std::string& type) override {
     if (type == "fake/Command") return std::make_shared<CommandedTorque>();
     if (type == "fake/Throwing") return std::make_shared<ThrowingTorque>();
+    if (type == "fake/Number") return std::make_shared<ThrowingANumber>();
     if (type == "fake/Broken") throw std::runtime_error("libbroken.so: undefined symbol");
     return nullptr;
   }
   std::vector<std::string> constraintTypes() override { return {"fake/Gear"}; }
   std::vector<std::string> torqueTypes() override {
-    return {"fake/Broken", "fake/Command", "fake/Throwing"};
+    return {"fake/Broken", "fake/Command", "fake/Number", "fake/Throwing"};
   }
 };
 

@@ -5,6 +5,7 @@
 #include <memory>
 #include <utility>
 
+#include "laws/guarded_function.h"
 #include "variator_sim/expression/guards.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/law.h"
@@ -93,6 +94,19 @@ Expression readQuantity(ComponentContext& context, ParameterReader& section, con
   return readCommanded(context, dictionary, range);
 }
 
+/// Returns the function behind its guard, the same one for each call.
+std::shared_ptr<const GuardedFunction> guard(const Graph& graph,
+                                             std::shared_ptr<const OpaqueFunction> function,
+                                             const std::shared_ptr<const void>& libraries) {
+  for (int n = 0; n < graph.size(); ++n) {
+    const Graph::Entry& entry = graph.entry({n});
+    if (entry.operation != expression::Operation::kOpaque) continue;
+    auto guarded = std::dynamic_pointer_cast<const GuardedFunction>(graph.opaqueOf(entry));
+    if (guarded != nullptr && guarded->isOf(function.get())) return guarded;
+  }
+  return std::make_shared<const GuardedFunction>(std::move(function), libraries);
+}
+
 }  // namespace
 
 void LawContext::keys(std::initializer_list<const char*> keys) {
@@ -142,6 +156,11 @@ Expression LawContext::time() {
 
 Expression LawContext::function(std::shared_ptr<const OpaqueFunction> f,
                                 std::vector<Expression> arguments) {
+  if (f == nullptr) {
+    throw SceneError(place_,
+                     "its opaque function is a null pointer; allowed: an object of a class "
+                     "derived from variator_sim::OpaqueFunction");
+  }
   const auto count = static_cast<std::size_t>(f->argumentCount());
   if (arguments.size() != count) {
     throw SceneError(place_, "its opaque function takes " + std::to_string(count) +
@@ -151,14 +170,14 @@ Expression LawContext::function(std::shared_ptr<const OpaqueFunction> f,
   Graph& graph = *context_.graph();
   expression::Node nodes[OpaqueFunction::kMostArguments];
   for (std::size_t i = 0; i < count; ++i) nodes[i] = arguments[i].in(graph);
-  // The graph and its programs may outlive the component, so f keeps its library loaded.
-  const OpaqueFunction* const raw = f.get();
-  const std::shared_ptr<const OpaqueFunction> held(
-      raw, [f = std::move(f), libraries = context_.libraries()](const OpaqueFunction*) mutable {
-        f.reset();
-        libraries.reset();
-      });
-  return {graph, graph.opaque(held, nodes)};
+  const std::shared_ptr<const GuardedFunction> guarded =
+      guard(graph, std::move(f), context_.libraries());
+  const Expression value(graph, graph.opaque(guarded, nodes));
+  if (value.isConstant() && !guarded->thrown().empty()) {
+    throw SceneError(place_,
+                     "its opaque function threw, at constant arguments: " + guarded->thrown());
+  }
+  return value;
 }
 
 Expression LawContext::lookUp(const Table& table, const Expression& x) {

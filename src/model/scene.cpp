@@ -8,6 +8,7 @@
 #include <set>
 
 #include "model/scene_readers.h"
+#include "model/thrown.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/interruption.h"
 
@@ -166,8 +167,8 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
   decltype(create(type)) component;
   try {
     component = create(type);
-  } catch (const std::exception& error) {
-    throw reader.error("type", inQuotes(type) + " cannot be loaded: " + error.what());
+  } catch (...) {
+    throw reader.error("type", inQuotes(type) + " cannot be loaded: " + describeThrown());
   }
   if (component == nullptr) {
     throwUnknownType(kind, other, factory, reader.keyPath("type"), type);
@@ -182,8 +183,10 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
     // An error of the whole component follows from its numbers.
     if (error.keyPath() != name) throw;
     throw SceneError(name, error.message() + scene->extreme_numbers);
-  } catch (const std::exception& error) {
-    throw SceneError(name, inQuotes(type) + " cannot be configured: " + error.what());
+  } catch (const Interrupted&) {
+    throw;
+  } catch (...) {
+    throw SceneError(name, inQuotes(type) + " cannot be configured: " + describeThrown());
   }
   reader.finish();
   const std::vector<std::string>& warnings = context.warnings();

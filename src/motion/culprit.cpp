@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "expression/term_maker.h"
+#include "laws/guarded_function.h"
 #include "variator_sim/component_factory.h"
 #include "variator_sim/expression/guards.h"
 #include "variator_sim/overrides.h"
@@ -372,6 +373,29 @@ std::string findNonFinitePart(const Scene& scene, Element element, const StateVi
     }
   }
   return "";
+}
+
+std::string describeThrown(const Scene& scene, Element element) {
+  for (const int n : scene.graph->listReachable(formulasOf(scene, element))) {
+    const expression::Graph::Entry& entry = scene.graph->entry({n});
+    if (entry.operation != expression::Operation::kOpaque) continue;
+    const auto* const function =
+        dynamic_cast<const GuardedFunction*>(scene.graph->opaqueOf(entry).get());
+    if (function == nullptr) continue;
+    std::string thrown = function->thrown();
+    if (!thrown.empty()) return thrown;
+  }
+  return "";
+}
+
+Element findThrower(const Scene& scene) {
+  for (int m = 0; m < static_cast<int>(scene.torques.size()); ++m) {
+    if (!describeThrown(scene, {m, -1}).empty()) return {m, -1};
+  }
+  for (int m = 0; m < scene.constraintCount(); ++m) {
+    if (!describeThrown(scene, {-1, m}).empty()) return {-1, m};
+  }
+  return {};
 }
 
 }  // namespace variator_sim

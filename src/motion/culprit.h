@@ -33,6 +33,11 @@ bool findNonFinite(const Scene& scene, StateView state, int* torque, int* constr
 /// 0.01 s, while its operands are: "sqrt(10 - w_load)"; "" for laws without formulas.
 std::string findNonFinitePart(const Scene& scene, Element element, const StateView& state);
 
+/// Describes what a function of the element's plugin has thrown; "" when none has.
+std::string describeThrown(const Scene& scene, Element element);
+/// Returns the first element whose function has thrown; none when none has.
+Element findThrower(const Scene& scene);
+
 class Culprits {
  public:
   /// All have to outlive it; `inertia` is evaluated at `state`.

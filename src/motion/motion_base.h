@@ -48,6 +48,8 @@
 
 namespace variator_sim {
 
+struct Element;
+
 /// The motion of one scene, the steps of which ProgramMotion makes. All are [loop] but
 /// construction, states from elsewhere, descriptions and machine code.
 struct MotionBase {
@@ -56,6 +58,7 @@ struct MotionBase {
   MotionBase(const MotionBase&) = delete;
   MotionBase& operator=(const MotionBase&) = delete;
   static const MotionBase& of(const Simulation& simulation) { return *simulation.motion_; }
+  static MotionBase& of(Simulation& simulation) { return *simulation.motion_; }
 
   const MotionStatus& advanceTo(double end);
   /// Carries out commands; nothing else does. All that wait take effect together at the current
@@ -94,7 +97,8 @@ struct MotionBase {
   /// See Simulation.
   virtual bool takeModeEvent(ModeEvent* /*event*/) { return false; }
 
-  virtual std::string describeStop() = 0;
+  /// Writes the element that the description names to `culprit`, unless that is null.
+  virtual std::string describeStop(Element* culprit) = 0;
   virtual const char* stepperName() const = 0;
   virtual std::string describeStepper() const = 0;
   virtual std::vector<std::string> skips() const = 0;

@@ -82,7 +82,7 @@ std::string ProgramMotion::findCulprit(MotionStatus* told) {
   return function;
 }
 
-std::string ProgramMotion::describeStop() {
+std::string ProgramMotion::describeStop(Element* culprit) {
   if (status_.ok()) return "";
   MotionStatus told = status_;
   const std::string function = findCulprit(&told);
@@ -90,7 +90,7 @@ std::string ProgramMotion::describeStop() {
   Inertia inertia(scene.inertia, scene.inertia_harmonics);
   inertia.update(state.angle);
   std::ostringstream text;
-  text << variator_sim::describeStop(scene, told, state, inertia, function);
+  text << variator_sim::describeStop(scene, told, state, inertia, function, culprit);
   const int event = it_.passed - program_->FIRST_EVENT;
   if (status_.reason == StopReason::kChattering && event >= 0 && event < program_->EVENTS) {
     text << "; the event " << inQuotes(scene.events[static_cast<std::size_t>(event)].name)

@@ -46,7 +46,7 @@ class ProgramMotion final : public MotionBase {
   EnergyDoubt energyDoubt() const override { return energy_.doubt(time); }
   void exhaustTime() override { stop(StopReason::kTimeExhausted); }
   bool takeModeEvent(ModeEvent* event) override;
-  std::string describeStop() override;
+  std::string describeStop(Element* culprit) override;
   const char* stepperName() const override;
   std::string describeStepper() const override;
   std::vector<std::string> skips() const override;

@@ -179,7 +179,7 @@ const Statistics& Simulation::statistics() const {
   return motion_->statistics();
 }
 std::string Simulation::describeStatus() const {
-  return motion_->describeStop();
+  return motion_->describeStop(nullptr);
 }
 const char* Simulation::stepperName() const {
   return motion_->stepperName();

@@ -46,12 +46,14 @@ class StopMessage {
         culprit_{status_.torque, status_.constraint} {}
 
   std::string write();
+  /// The element that the text names.
+  Element culprit() const { return named_; }
 
  private:
   std::string explain();
   std::string explainUnderflow();
   std::string explainLostTolerance();
-  std::string explainStepLimit() const;
+  std::string explainStepLimit();
   std::string describeRunaway() const;
   std::string describeRow() const;
 
@@ -61,6 +63,7 @@ class StopMessage {
   const std::string function_;  // of the guard, as formulas write it
   const Culprits culprits_;
   Element culprit_;  // from the status, or found
+  Element named_;    // in the text
 };
 
 std::string StopMessage::explain() {
@@ -113,6 +116,7 @@ std::string StopMessage::explainLostTolerance() {
     if (!remedy.empty()) text << ": " << remedy << " would not";
   }
   culprit_ = {};  // already in the text
+  named_ = steepest;
   const SolverSettings& solver = scene_.solver;
   const double relative = std::min(0.1, toOneDigit(factor * solver.relative_tolerance, true));
   text << "; otherwise " << assign("solver/relative_tolerance", relative);
@@ -131,7 +135,7 @@ std::string StopMessage::explainLostTolerance() {
   return text.str();
 }
 
-std::string StopMessage::explainStepLimit() const {
+std::string StopMessage::explainStepLimit() {
   constexpr double kMost = std::numeric_limits<int>::max();
   std::string text = "more steps than 'solver/maximum_steps' (" +
                      std::to_string(scene_.solver.maximum_steps) + ") within one simulated second";
@@ -142,6 +146,7 @@ std::string StopMessage::explainStepLimit() const {
     text += "; at the pace of these no number of steps would do";
   }
   const Element fastest = culprits_.findFastest(0.0);
+  named_ = fastest;
   return fastest.exists() ? text + "; fastest changes " + describe(scene_, fastest) : text;
 }
 
@@ -181,9 +186,19 @@ std::string StopMessage::write() {
   text << toString(status_.reason) << " at t = " << formatNumber(status_.time)
        << " s: " << explain();
   const int S = scene_.shaftCount();
-  if (culprit_.exists()) text << "; " << describe(scene_, culprit_);
-  if (status_.reason == StopReason::kNonFiniteValue && culprit_.exists()) {
-    const std::string part = findNonFinitePart(scene_, culprit_, state_);
+  const bool lacks_value =
+      status_.reason == StopReason::kNonFiniteValue || status_.reason == StopReason::kStepUnderflow;
+  if (lacks_value && !culprit_.exists()) culprit_ = findThrower(scene_);
+  if (culprit_.exists()) {
+    text << "; " << describe(scene_, culprit_);
+    named_ = culprit_;
+  }
+  if (lacks_value && culprit_.exists()) {
+    const std::string thrown = describeThrown(scene_, culprit_);
+    const bool is_bad = status_.reason == StopReason::kNonFiniteValue;
+    const std::string part =
+        is_bad && thrown.empty() ? findNonFinitePart(scene_, culprit_, state_) : "";
+    if (!thrown.empty()) text << ", whose function threw: " << thrown;
     if (!part.empty()) text << ", its " << part;
   }
   if (status_.constraint >= 0) text << describeRow();
@@ -284,8 +299,11 @@ const char* explainReason(StopReason reason) {
 }
 
 std::string describeStop(const Scene& scene, const MotionStatus& status, const StateView& state,
-                         const Inertia& inertia, const std::string& function) {
-  return StopMessage(scene, status, state, inertia, function).write();
+                         const Inertia& inertia, const std::string& function, Element* culprit) {
+  StopMessage message(scene, status, state, inertia, function);
+  std::string text = message.write();
+  if (culprit != nullptr) *culprit = message.culprit();
+  return text;
 }
 
 std::string describeMisfit(const Scene& scene, const Misfit& misfit, const StateView& state) {

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "dynamics/least_reaction_search.h"
+#include "motion/culprit.h"
 #include "variator_sim/inertia.h"
 #include "variator_sim/scene.h"
 #include "variator_sim/status.h"
@@ -34,9 +35,9 @@ const char* explainReason(StopReason reason);
 
 /// Returns a sentence for the status of a motion that has stopped at `state`, where J is `inertia`.
 /// `function`: that of the branch at which it stopped, as formulas write it; "" where it is not
-/// known.
+/// known. Writes the element that it names to `culprit`, unless that is null.
 std::string describeStop(const Scene& scene, const MotionStatus& status, const StateView& state,
-                         const Inertia& inertia, const std::string& function);
+                         const Inertia& inertia, const std::string& function, Element* culprit);
 
 /// Returns a sentence why a motion cannot continue from `state`, that of the misfit.
 std::string describeMisfit(const Scene& scene, const Misfit& misfit, const StateView& state);

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "model/thrown.h"
 #include "ros/plugin_loader.h"
 #include "ros/simulation_server.h"
 #include "ros/xmlrpc_tree.h"
@@ -169,8 +170,8 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
     throw Error(
         name_space + (path.empty() ? ": " : "/") + error.what() +
         explainLeftOver(error.message(), name_space + "/" + path.substr(0, path.find('/'))));
-  } catch (const std::exception& error) {
-    throw Error(name_space + ": " + error.what());
+  } catch (...) {
+    throw Error(name_space + ": " + describeThrown());
   }
 }
 

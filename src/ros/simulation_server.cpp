@@ -11,6 +11,7 @@
 #include <iterator>
 #include <utility>
 
+#include "model/thrown.h"
 #include "ros/nanoseconds.h"
 #include "variator_sim/interruption.h"
 
@@ -242,8 +243,9 @@ void SimulationServer::startThreads(const NodeSettings& settings,
     const Interruption interruption([this] { return stopping_.load() || ros::isShuttingDown(); });
     try {
       preparation();
-    } catch (const std::exception& error) {
-      if (!Interruption::isWanted()) ROS_WARN("formulas are not compiled: %s", error.what());
+    } catch (...) {
+      const std::string reason = describeThrown();
+      if (!Interruption::isWanted()) ROS_WARN("formulas are not compiled: %s", reason.c_str());
     }
     loop_.endPreparation();
   });
