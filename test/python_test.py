@@ -102,6 +102,18 @@ class PythonTest(TestCase):
         self.assertEqual(error.sample.time, error.time)
         self.assertEqual(len(error.result["time"]), 30)
 
+    def test_a_stop_has_the_element_that_its_message_names(self):
+        for torque, reason in (("1 - 3*sign(w_a)", "Chattering"), ("-9*w_a^-3", "StepUnderflow"),
+                               ("100*cos(5e4*t)", "StepLimit")):
+            scene = ("shafts: [a]\na: {inertia: 1}\ntorques: [q]\nq: {type: variator_sim/ExpressionTorque, shaft: a, "
+                     f"torque: '{torque}'}}\ninitial: {{velocity: [1]}}\nprinciple: gauss\n"
+                     "solver: {maximum_steps: 1000}\n")
+            with self.subTest(reason=reason), self.assertRaises(variator_sim.MotionStopped) as caught:
+                variator_sim.simulate(scene, 10.0)
+            self.assertEqual(caught.exception.reason, reason)
+            self.assertIn("torque 'q'", str(caught.exception))
+            self.assertEqual((caught.exception.torque, caught.exception.constraint), ("q", None))
+
     def test_doubts_are_warnings(self):
         with self.assertWarnsRegex(UserWarning, "the reactions have fed in"):
             variator_sim.simulate(SHIP, 2.0)

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "motion/culprit.h"
+#include "motion/motion_base.h"
 #include "python/analysis.h"
 #include "python/sweep.h"
 #include "python/trees.h"
@@ -315,14 +317,15 @@ class PythonSimulation {
   py::object stopped() {
     Simulation& simulation = simulation_;
     const MotionStatus& status = simulation.status();
+    Element culprit{status.torque, status.constraint};
+    const std::string message = MotionBase::of(simulation).describeStop(&culprit);
     const auto name = [](const auto& parts, int index) -> py::object {
       if (index < 0) return py::none();
       return py::str(parts[static_cast<std::size_t>(index)]->name());
     };
-    return errorClass("MotionStopped")(simulation.describeStatus(), toString(status.reason),
-                                       status.time, NamedSample{simulation.sample(), names_},
-                                       name(scene().constraints, status.constraint),
-                                       name(scene().torques, status.torque));
+    return errorClass("MotionStopped")(
+        message, toString(status.reason), status.time, NamedSample{simulation.sample(), names_},
+        name(scene().constraints, culprit.constraint), name(scene().torques, culprit.torque));
   }
 
  private:
