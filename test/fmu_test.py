@@ -8,8 +8,10 @@ import os
 import pathlib
 import random
 import shutil
+import signal
 import subprocess
 import tempfile
+import time
 import unittest
 
 import roslib.packages
@@ -572,9 +574,42 @@ class FmuTest(TestCase):
             done = call(SIMULATE, scene, *words)
             self.assertEqual(done.returncode, 2, words)
             self.assertIn(message, done.stderr)
-        done = call(SIMULATE, scene, "--emit-fmu", "/no/folder/x.fmu")
-        self.assertEqual(done.returncode, 3)
-        self.assertIn("/no/folder/x.fmu", done.stderr)
+
+    def blocking_compiler(self):
+        """A folder of programs, the compiler of which takes long; a file says that it runs."""
+        folder = pathlib.Path(tempfile.mkdtemp(dir=self.folder))
+        (folder / "cc").write_text(f"#!/bin/sh\n/usr/bin/touch {folder}/runs\nexec /usr/bin/sleep 100\n", encoding="utf-8")
+        (folder / "cc").chmod(0o755)
+        return folder
+
+    def test_a_folder_that_is_missing_is_told_before_anything_is_compiled(self):
+        folder = self.blocking_compiler()
+        for path, words in (("/no/folder/x.fmu", "No such file or directory: folder '/no/folder'"),
+                            (folder, "Is a directory")):
+            if path == folder:
+                path = folder / "x.fmu"
+                path.mkdir()
+            done = call(SIMULATE, FOLDER / "test/fmu/engine.yaml", "--emit-fmu", path, env=dict(os.environ, PATH=str(folder)))
+            self.assertEqual(done.returncode, 3)
+            self.assertEqual(done.stderr, f"simulate: {path}: cannot be written: {words}\n")
+        self.assertFalse((folder / "runs").exists())
+
+    def test_control_c_is_heard_while_it_compiles(self):
+        folder = self.blocking_compiler()
+        path = folder / "x.fmu"
+        with subprocess.Popen([SIMULATE, str(FOLDER / "test/fmu/engine.yaml"), "--emit-fmu", str(path)],
+                              stderr=subprocess.PIPE, text=True, env=dict(os.environ, PATH=str(folder))) as process:
+            end = time.monotonic() + 30.0
+            while not (folder / "runs").exists():
+                self.assertLess(time.monotonic(), end)
+                time.sleep(0.01)
+            begin = time.monotonic()
+            process.send_signal(signal.SIGINT)
+            words = process.communicate(timeout=30)[1]
+        self.assertLess(time.monotonic() - begin, 3.0)
+        self.assertEqual(process.returncode, 130)
+        self.assertEqual(words, f"simulate: interrupted; '{path}' is not written\n")
+        self.assertEqual({it.name for it in folder.iterdir()}, {"cc", "runs"})
 
     # --- a foreign master ---
 

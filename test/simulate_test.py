@@ -14,6 +14,7 @@ import rosbag
 import roslib.packages
 import rosunit
 
+from support import faulty_package
 from support.simulate import SIMULATE, SimulateTestCase
 
 PACKAGE = "variator_sim"
@@ -720,6 +721,37 @@ solver: {stepper: dopri5, maximum_steps: 2000000000}
             self.assertIn(b"simulate: interrupted at ", words)
             rows = parse(output.read_text(encoding="utf-8"))[1]
             self.assertEqual(len(rows), 2)  # what lay before the crawl
+
+    def test_a_plugin_that_throws_ends_its_motion_and_no_sample_is_lost(self):
+        self.environment.update(faulty_package.environment(self.folder))
+        for how, words in (("throws", "the sensor is off"), ("throws_a_number", "an exception of type int")):
+            scene = self.write("throws.yaml", faulty_package.scene(how, 0.55))
+            result = self.simulate(scene, "--duration", "1", "--rate", "10")
+            self.assertEqual(result.returncode, 1, result.stderr)
+            self.assertEqual([row[0] for row in parse(result.stdout)[1]], [0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+            self.assertRegex(result.stderr, f"at t = 0.5.*torque 'drag', whose function threw: {words}.*last good state")
+        scene = self.write("throws.yaml", faulty_package.scene("throws"))
+        self.check_refused([scene, "--duration", "1"], "drag: 'variator_sim_faulty/Torque' cannot be configured: "
+                           "an exception of type int")
+
+    def test_a_plugin_that_blocks_ends_at_the_first_control_c(self):
+        self.environment.update(faulty_package.environment(self.folder))
+        scene = self.write("blocks.yaml", faulty_package.scene("blocks", 0.55))
+        output = self.folder / "out.csv"
+        with subprocess.Popen([SIMULATE, scene, "--duration", "1", "--rate", "100", "--output", str(output)],
+                              stderr=subprocess.PIPE, text=True, env=self.environment) as process:
+            end = time.monotonic() + 30.0
+            while not (output.exists() and output.stat().st_size > 2000):
+                self.assertLess(time.monotonic(), end)
+                time.sleep(0.01)
+            time.sleep(0.5)  # (nothing tells that it blocks)
+            begin = time.monotonic()
+            process.send_signal(signal.SIGINT)
+            words = process.communicate(timeout=30)[1]
+        self.assertLess(time.monotonic() - begin, 3.0)
+        self.assertEqual(process.returncode, 130)
+        self.assertIn("simulate: interrupted, while a step does not end", words)
+        self.assertGreater(len(parse(output.read_text(encoding="utf-8"))[1]), 10)
 
     def test_interrupt_keeps_the_samples_and_a_terminal_shows_progress(self):
         output = self.folder / "out.csv"

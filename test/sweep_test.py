@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 import unittest
 from unittest import mock
 
@@ -21,6 +22,7 @@ import rosunit  # noqa: E402
 
 import variator_sim  # noqa: E402
 from variator_sim import sweeps  # noqa: E402
+from support import faulty_package  # noqa: E402
 from support.subtests import TestCase  # noqa: E402
 
 PACKAGE = "variator_sim"
@@ -216,6 +218,29 @@ class SweepTest(TestCase):
                                    metrics=["final(drive/velocity)"])
         self.assertRegex(table["reason"][0], "NonFiniteValue at t = 0.")
         self.assertTrue(numpy.isfinite(table["final(drive/velocity)"][1]))
+
+    def test_a_plugin_that_throws_fails_its_rows_alone(self):
+        with mock.patch.dict(os.environ, faulty_package.environment(self.folder)):
+            for how, words in (("throws", "the sensor is off"), ("throws_a_number", "an exception of type int")):
+                table = variator_sim.sweep(faulty_package.scene(how, 0.5), 1.0, grid={"drag/from": [0.5, 2.0]},
+                                           metrics=["final(a/velocity)"])
+                self.assertRegex(table["reason"][0], f"torque 'drag', whose function threw: {words}")
+                self.assertEqual(table["reason"][1], "")
+                self.assertAlmostEqual(table["final(a/velocity)"][1], numpy.exp(-1), places=6)
+
+    def test_a_plugin_that_blocks_ends_at_the_first_control_c(self):
+        scene = self.folder / "blocks.yaml"
+        scene.write_text(faulty_package.scene("blocks", 0.5), encoding="utf-8")
+        words = [sys.executable, SWEEP, str(scene), "--duration", "1", "--set", "drag/from=0.5,0.6", "--metric",
+                 "final(a/velocity)", "--output", str(self.folder / "out.csv")]
+        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                              env=dict(os.environ, **faulty_package.environment(self.folder))) as process:
+            time.sleep(4.0)  # (nothing tells that it blocks)
+            self.assertIsNone(process.poll())
+            begin = time.monotonic()
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=30)
+        self.assertLess(time.monotonic() - begin, 4.0)
 
     def test_faults(self):
         good = dict(grid={"drive/inertia": "1:2:3"}, metrics=["final(drive/velocity)"])

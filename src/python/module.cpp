@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "model/table_file.h"
@@ -76,9 +77,11 @@ py::tuple sweepRows(const py::object& scene, const py::object& overrides,
                        {},
                        compiles};
   for (const auto& [kind, column, band] : metrics) request.metrics.push_back({kind, column, band});
-  PluginlibComponentFactory factory;
   std::vector<SweepRow> rows;
-  withoutLock([&] { rows = runSweep(request, values, threads, factory); });
+  withoutLock([&] {
+    rows = runSweep(std::move(request), values, threads,
+                    std::make_shared<PluginlibComponentFactory>());
+  });
   Array result({static_cast<py::ssize_t>(rows.size()), static_cast<py::ssize_t>(metrics.size())});
   double* number = result.mutable_data();
   py::list reasons;

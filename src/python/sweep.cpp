@@ -13,6 +13,7 @@
 #include <new>
 #include <thread>
 
+#include "model/thrown.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/io/override_text.h"
@@ -167,11 +168,54 @@ SweepRow runRow(const SweepRequest& request, const std::vector<double>& values,
     }
   } catch (const std::bad_alloc&) {
     throw;  // no fault of the row
-  } catch (const std::exception& error) {
-    row.reason = error.what();
+  } catch (...) {
+    row.reason = describeThrown();
   }
   return row;
 }
+
+/// What the threads of a sweep share; one that a plugin blocks may outlive the sweep.
+struct Sweep {
+  Sweep(SweepRequest its_request, std::vector<std::vector<double>> its_values,
+        std::shared_ptr<ComponentFactory> its_factory)
+      : request(std::move(its_request)),
+        values(std::move(its_values)),
+        factory(std::move(its_factory)),
+        tree(withOverrides(request.tree, request.overrides)),
+        code(request.compiles),
+        rows(values.size()) {}
+
+  /// Runs rows until there are none left.
+  void work() {
+    try {
+      const Interruption interruption([this] { return is_cancelled.load(); });
+      RowMachines machines(request, tree, *factory, code);
+      for (std::size_t i = next++; i < values.size() && !is_cancelled; i = next++) {
+        rows[i] = runRow(request, values[i], machines);
+      }
+    } catch (...) {
+      is_cancelled = true;
+      const std::lock_guard<std::mutex> lock(mutex);
+      if (!error) error = std::current_exception();
+    }
+    const std::lock_guard<std::mutex> lock(mutex);
+    --running;
+    one_has_ended.notify_one();
+  }
+
+  const SweepRequest request;
+  const std::vector<std::vector<double>> values;
+  const std::shared_ptr<ComponentFactory> factory;
+  const ParameterTree tree;
+  CodeOfRows code;
+  std::vector<SweepRow> rows;
+  std::atomic<std::size_t> next{0};
+  std::atomic<bool> is_cancelled{false};
+  std::mutex mutex;
+  std::condition_variable one_has_ended;
+  std::size_t running = 0;
+  std::exception_ptr error;  ///< the first one
+};
 
 }  // namespace
 
@@ -224,55 +268,39 @@ double calcMetric(const Metric& metric, const std::vector<double>& rows, std::si
   return extreme;
 }
 
-std::vector<SweepRow> runSweep(const SweepRequest& request,
-                               const std::vector<std::vector<double>>& values, int threads,
-                               ComponentFactory& factory) {
-  const ParameterTree tree = withOverrides(request.tree, request.overrides);
-  std::vector<SweepRow> rows(values.size());
-  CodeOfRows code(request.compiles);
-  std::atomic<std::size_t> next{0};
-  std::atomic<bool> is_cancelled{false};
-  std::mutex mutex;
-  std::condition_variable one_has_ended;
-  std::size_t running = 0;
-  std::exception_ptr error;  // the first one
-  const auto work = [&] {
-    try {
-      const Interruption interruption([&] { return is_cancelled.load(); });
-      RowMachines machines(request, tree, factory, code);
-      for (std::size_t i = next++; i < values.size() && !is_cancelled; i = next++) {
-        rows[i] = runRow(request, values[i], machines);
-      }
-    } catch (...) {
-      is_cancelled = true;
-      const std::lock_guard<std::mutex> lock(mutex);
-      if (!error) error = std::current_exception();
-    }
-    const std::lock_guard<std::mutex> lock(mutex);
-    --running;
-    one_has_ended.notify_one();
-  };
+std::vector<SweepRow> runSweep(SweepRequest request, std::vector<std::vector<double>> values,
+                               int threads, std::shared_ptr<ComponentFactory> factory) {
+  constexpr auto kLook = std::chrono::milliseconds(50);
+  constexpr int kMostLooks = 14;  // after an Interruption
+  const auto sweep =
+      std::make_shared<Sweep>(std::move(request), std::move(values), std::move(factory));
   std::vector<std::thread> pool;
-  std::unique_lock<std::mutex> lock(mutex);
+  std::unique_lock<std::mutex> lock(sweep->mutex);
   try {
     const auto wanted = static_cast<std::size_t>(std::max(threads, 1));
-    const std::size_t count = std::min(wanted, values.size());
+    const std::size_t count = std::min(wanted, sweep->values.size());
     pool.reserve(count);
-    for (; running < count; ++running) pool.emplace_back(work);
+    for (; sweep->running < count; ++sweep->running) pool.emplace_back([sweep] { sweep->work(); });
   } catch (...) {
     // Fewer threads give the same rows.
-    if (pool.empty()) error = std::current_exception();
+    if (pool.empty()) sweep->error = std::current_exception();
   }
-  while (
-      !one_has_ended.wait_for(lock, std::chrono::milliseconds(50), [&] { return running == 0; })) {
+  int looks = 0;
+  while (!sweep->one_has_ended.wait_for(lock, kLook, [&] { return sweep->running == 0; })) {
     lock.unlock();
-    if (Interruption::isWanted()) is_cancelled = true;
+    if (Interruption::isWanted()) {
+      sweep->is_cancelled = true;
+      if (++looks == kMostLooks) {
+        for (std::thread& thread : pool) thread.detach();
+        throw Interrupted();
+      }
+    }
     lock.lock();
   }
   lock.unlock();
   for (std::thread& thread : pool) thread.join();
-  if (error) std::rethrow_exception(error);
-  return rows;
+  if (sweep->error) std::rethrow_exception(sweep->error);
+  return std::move(sweep->rows);
 }
 
 }  // namespace variator_sim::python

@@ -2,6 +2,7 @@
 /// depend on Python, and is called with or without the interpreter's lock.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -68,11 +69,11 @@ struct SweepRow {
 };
 
 /// Runs every row of `values` (one value a path) on `threads` threads, or on as many as can be
-/// started; an Interruption of the calling thread ends all of them. A row's result depends neither
-/// on the other rows nor on the number of threads. Any exception of a thread other than a row's
-/// fault ends the others and is rethrown.
-std::vector<SweepRow> runSweep(const SweepRequest& request,
-                               const std::vector<std::vector<double>>& values, int threads,
-                               ComponentFactory& factory);
+/// started; an Interruption of the calling thread ends all of them: a thread that does not end
+/// soon, as a plugin blocks it, is left behind, and Interrupted is thrown. A row's result depends
+/// neither on the other rows nor on the number of threads. Any exception of a thread other than a
+/// row's fault ends the others and is rethrown.
+std::vector<SweepRow> runSweep(SweepRequest request, std::vector<std::vector<double>> values,
+                               int threads, std::shared_ptr<ComponentFactory> factory);
 
 }  // namespace variator_sim::python

@@ -5,15 +5,20 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <memory>
 #include <system_error>
+#include <thread>
 
 #include "io/whole_file.h"
+#include "variator_sim/interruption.h"
 #include "variator_sim/io/yaml_text.h"
 #include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/message_text.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
@@ -34,11 +39,63 @@ void writeOutput(const std::string& path, const std::string& text) {
   if (!reason.empty()) throw OutputError(path + ": cannot be written: " + reason);
 }
 
-std::string runPythonFile(const std::string& name, std::string argument, const std::string& text) {
-  using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
-  const File input(std::tmpfile(), std::fclose);
-  const File output(std::tmpfile(), std::fclose);
-  if (!input || !output || !writeBytes(::fileno(input.get()), text.data(), text.size()) ||
+void checkWritable(const std::string& path) {
+  namespace fs = std::filesystem;
+  const auto fail = [&path](const std::string& reason) {
+    throw OutputError(path + ": cannot be written: " + reason);
+  };
+  std::error_code error;
+  const fs::file_status file = fs::status(path, error);
+  if (fs::is_directory(file)) fail(std::generic_category().message(EISDIR));
+  if (fs::exists(file) && !fs::is_regular_file(file)) return;  // a device
+  const fs::path folder = fs::path(path).parent_path();
+  // The new file is written beside an old one.
+  if (::access(folder.empty() ? "." : folder.c_str(), W_OK | X_OK) != 0) {
+    fail(std::generic_category().message(errno) + ": folder " +
+         inQuotes(folder.empty() ? "." : folder.string()));
+  }
+}
+
+namespace {
+
+using TemporaryFile = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
+
+std::string readAll(const TemporaryFile& file) {
+  std::string content;
+  std::rewind(file.get());
+  char bytes[4096];
+  while (const std::size_t size = std::fread(bytes, 1, sizeof bytes, file.get())) {
+    content.append(bytes, size);
+  }
+  return content;
+}
+
+/// Waits for the end of a group's leader; returns its status. On an Interruption, if `ends_early`,
+/// it ends the group: by SIGINT, so that the leader removes its files, and soon by SIGKILL.
+int waitFor(pid_t child, bool ends_early) {
+  constexpr int kLooks = 35;  // of 20 ms after an Interruption
+  int status = -1;
+  int looks = 0;
+  for (;;) {
+    const pid_t ended = ::waitpid(child, &status, ends_early ? WNOHANG : 0);
+    if (ended == child || (ended < 0 && errno != EINTR)) return status;
+    if (!ends_early) continue;
+    if (Interruption::isWanted() && looks++ % kLooks == 0) {
+      ::kill(-child, looks == 1 ? SIGINT : SIGKILL);
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+}
+
+}  // namespace
+
+std::string runPythonFile(const std::string& name, std::string argument, const std::string& text,
+                          bool ends_early) {
+  const TemporaryFile input(std::tmpfile(), std::fclose);
+  const TemporaryFile output(std::tmpfile(), std::fclose);
+  const TemporaryFile errors(std::tmpfile(), std::fclose);
+  if (!input || !output || !errors ||
+      !writeBytes(::fileno(input.get()), text.data(), text.size()) ||
       ::lseek(::fileno(input.get()), 0, SEEK_SET) != 0) {
     throw OutputError(std::string("no temporary file can be written: ") + std::strerror(errno));
   }
@@ -51,6 +108,7 @@ std::string runPythonFile(const std::string& name, std::string argument, const s
   ::posix_spawn_file_actions_init(&actions);
   ::posix_spawn_file_actions_adddup2(&actions, ::fileno(input.get()), STDIN_FILENO);
   ::posix_spawn_file_actions_adddup2(&actions, ::fileno(output.get()), STDOUT_FILENO);
+  ::posix_spawn_file_actions_adddup2(&actions, ::fileno(errors.get()), STDERR_FILENO);
   posix_spawnattr_t attributes;  // a group of its own: Ctrl-C ends the motion, not the writing
   ::posix_spawnattr_init(&attributes);
   ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
@@ -59,16 +117,15 @@ std::string runPythonFile(const std::string& name, std::string argument, const s
   ::posix_spawnattr_destroy(&attributes);
   ::posix_spawn_file_actions_destroy(&actions);
   if (error != 0) throw OutputError(python + " (python3) cannot be run: " + std::strerror(error));
-  int status = -1;
-  while (::waitpid(child, &status, 0) < 0 && errno == EINTR) continue;
-  std::string content;
-  std::rewind(output.get());
-  char bytes[4096];
-  while (const std::size_t size = std::fread(bytes, 1, sizeof bytes, output.get())) {
-    content.append(bytes, size);
+  const int status = waitFor(child, ends_early);
+  const std::string content = readAll(output);
+  if (status != 0 && ends_early) endIfInterrupted();
+  const std::string complaint = readAll(errors);
+  if (status == 0) {
+    writeBytes(STDERR_FILENO, complaint.data(), complaint.size());
+    return content;
   }
-  if (status == 0) return content;
-  throw OutputError(content.empty() ? python + " " + file + " failed" : content);
+  throw OutputError(content.empty() ? python + " " + file + " failed: " + complaint : content);
 }
 
 void readStateFile(const std::string& path, Simulation& simulation) {

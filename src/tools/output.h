@@ -29,10 +29,15 @@ class OutputClosed : public OutputError {
 /// OutputError.
 void writeOutput(const std::string& path, const std::string& text);
 
+/// Throws OutputError if a file there could not be written as a whole: before long work for it.
+void checkWritable(const std::string& path);
+
 /// Runs a file of the package's Python folder, which lies beside this program, with one argument
 /// and `input` on its standard input. Returns its standard output; throws OutputError with it, the
-/// reason, if it fails.
-std::string runPythonFile(const std::string& name, std::string argument, const std::string& input);
+/// reason, if it fails. `ends_early`: an Interruption ends it, and Interrupted is thrown, unless it
+/// has succeeded meanwhile.
+std::string runPythonFile(const std::string& name, std::string argument, const std::string& input,
+                          bool ends_early = false);
 
 /// Continues the simulation from the state in a file; missing values are the simulation's.
 /// Inconsistent values are projected if the scene's `initial/project` allows it. Throws SceneError.

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <csignal>
+#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <exception>
@@ -16,6 +17,7 @@
 
 #include "emit_c/emit_c.h"
 #include "emit_fmu/emit_fmu.h"
+#include "model/thrown.h"
 #include "ros/plugin_loader.h"
 #include "tools/analysis_run.h"
 #include "tools/run_report.h"
@@ -40,20 +42,39 @@ enum ExitStatus {
   kSignalBase = 128
 };
 
+/// What a signal finds the program at.
+enum Work : std::sig_atomic_t {
+  kReading,    ///< nothing polls g_signal, and no output has to be completed
+  kComputing,  ///< g_signal is polled, unless a plugin blocks
+  kWriting     ///< g_signal is polled, and an output has to be completed
+};
+
 volatile std::sig_atomic_t g_signal = 0;
-/// True once g_signal is polled; before that, no output has to be completed.
-volatile std::sig_atomic_t g_signal_is_heard = 0;
+volatile std::sig_atomic_t g_work = kReading;
+
+template <std::size_t kSize>
+[[noreturn]] void endAtOnce(const char (&message)[kSize], int signal) {
+  if (::write(STDERR_FILENO, message, kSize - 1) < 0) ::_exit(kBadOutput);
+  ::_exit(kSignalBase + signal);
+}
 
 void takeSignal(int signal) {
-  if (g_signal_is_heard == 0) {
-    constexpr char kMessage[] = "simulate: interrupted before the start\n";
-    if (::write(STDERR_FILENO, kMessage, sizeof(kMessage) - 1) < 0) ::_exit(kBadOutput);
-    ::_exit(kSignalBase + signal);
-  }
+  if (g_work == kReading) endAtOnce("simulate: interrupted\n", signal);
   g_signal = signal;
+  ::alarm(1);
+}
+
+/// A second after a signal: what computes has not heard it.
+void takeAlarm(int /*signal*/) {
+  if (g_work != kComputing) return;
+  endAtOnce(
+      "simulate: interrupted, while a step does not end (a plugin's function?); samples since the "
+      "last ones in the output are lost\n",
+      g_signal);
 }
 
 void installSignalHandlers() {
+  std::signal(SIGALRM, takeAlarm);
   struct sigaction action = {};
   action.sa_handler = takeSignal;
   action.sa_flags = static_cast<int>(SA_RESETHAND);  // the second Ctrl-C ends the process at once
@@ -211,7 +232,9 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
     bool more = true;
     while (more && g_signal == 0) {
       const Clock::time_point start = Clock::now();
+      g_work = kComputing;
       more = offline_run.advanceBlock(block_span, block);
+      g_work = kWriting;
       const double block_time = secondsSince(start);
       wall.simulation += block_time;
       const double done = simulation.time() - span.begin;
@@ -278,6 +301,7 @@ int emitC(Simulation& simulation, const SimulateOptions& options) {
   const EmittedScene scene = fromSource(path, [&] {
     return emitScene(simulation, nameForC(path), path.substr(path.rfind('/') + 1));
   });
+  g_work = kWriting;
   try {
     writeEmittedScene(scene, options.emit_c_path);
   } catch (const std::runtime_error& error) {
@@ -291,7 +315,14 @@ int emitFmu(Simulation& simulation, const SimulateOptions& options) {
   const std::string description = fromSource(path, [&] {
     return describeFmu(simulation, options.fmi, nameForC(path), path.substr(path.rfind('/') + 1));
   });
-  runPythonFile("fmu_archive.py", options.emit_fmu_path, description);
+  g_work = kWriting;
+  try {
+    runPythonFile("fmu_archive.py", options.emit_fmu_path, description, /*ends_early=*/true);
+  } catch (const Interrupted&) {
+    std::fprintf(stderr, "simulate: interrupted; %s is not written\n",
+                 inQuotes(options.emit_fmu_path).c_str());
+    return kSignalBase + g_signal;
+  }
   return kSuccess;
 }
 
@@ -381,12 +412,16 @@ int runSimulate(const std::vector<std::string>& words) {
     writeOutput("", simulateHelp());
     return kSuccess;
   }
+  for (const std::string& path :
+       {options.save_state_path, options.events_path, options.curves_path, options.emit_fmu_path}) {
+    if (!path.empty()) checkWritable(path);
+  }
   Simulation simulation = loadSimulation(options);
   for (const std::string& warning : simulation.scene().warnings) {
     std::fprintf(stderr, "simulate: warning: %s\n", warning.c_str());
   }
   if (options.compile) {
-    g_signal_is_heard = 1;
+    g_work = kWriting;
     const bool is_loaded = simulation.loadMachineCode(true, /*patiently=*/true);
     std::fprintf(stderr, "simulate: formulas are run by %s\n", simulation.machineCode().c_str());
     if (!is_loaded && g_signal != 0) return kSignalBase + g_signal;
@@ -396,7 +431,7 @@ int runSimulate(const std::vector<std::string>& words) {
   if (!options.emit_c_path.empty()) return emitC(simulation, options);
   if (!options.emit_fmu_path.empty()) return emitFmu(simulation, options);
   if (options.trim) return runTrim(simulation.scene(), options) ? kSuccess : kStopped;
-  g_signal_is_heard = 1;
+  g_work = kComputing;
   if (options.linearize) {
     if (!options.from_state_path.empty()) readStateFile(options.from_state_path, simulation);
     const bool is_done =
@@ -427,8 +462,8 @@ int main(int argc, char** argv) {
   } catch (const std::bad_alloc&) {
     std::fputs("simulate: this takes more memory than there is\n", stderr);
     return kBadUsage;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "simulate: %s\n", presentable(error.what()).c_str());
+  } catch (...) {
+    std::fprintf(stderr, "simulate: %s\n", describeThrown().c_str());
     return g_signal != 0 ? kSignalBase + g_signal : kBadUsage;
   }
 }
