@@ -223,7 +223,15 @@ TEST(CommandFile, FaultsNameFileAndLineAndWhatIsExpected) {
   for (const BadCsv& bad : {
            BadCsv{"", "c.csv:1: the file ends before its header; expected: time,topic,value"},
            BadCsv{"# only\n", "c.csv:2: the file ends before its header"},
-           BadCsv{"time, topic, value\n", "c.csv:1: 'time, topic, value' is not the header"},
+           BadCsv{"time, topic, values\n", "c.csv:1: 'time, topic, values' is not the header"},
+           BadCsv{"time;topic,value\n", "c.csv:1: 'time;topic,value' is not the header"},
+           BadCsv{"time;topic;value\n0,a,1\n",
+                  "c.csv:2: '0,a,1' does not have three columns between ';'; expected: time,topic"},
+           BadCsv{"time;topic;value\n0,5;a;1\n",
+                  "c.csv:2: time '0,5' in '0,5;a;1': decimals stand behind a point, not behind a "
+                  "comma; expected: a finite number"},
+           BadCsv{"time\ttopic\tvalue\n0\ta\n",
+                  "c.csv:2: '0\\ta' does not have three columns between tabs"},
            BadCsv{"\n0,a,1\n", "c.csv:2: '0,a,1' is not the header; expected: time,topic,value"},
            BadCsv{"time,topic,value\n0,a\n", "c.csv:2: '0,a' does not have three columns"},
            BadCsv{"time,topic,value\n0\n", "c.csv:2: '0' does not have three columns"},
@@ -235,9 +243,10 @@ TEST(CommandFile, FaultsNameFileAndLineAndWhatIsExpected) {
            BadCsv{"time,topic,value\n1s,a,1\n", "c.csv:2: time '1s'"},
            BadCsv{"time,topic,value\n,a,1\n", "c.csv:2: time ''"},
            BadCsv{"time,topic,value\n0,,1\n", "c.csv:2: topic ''"},
-           BadCsv{"time,topic,value\n0, a,1\n", "c.csv:2: topic ' a'"},
+           BadCsv{"time,topic,value\n0, a b,1\n", "c.csv:2: topic 'a b'"},
            BadCsv{"time,topic,value\n0,a,\n", "c.csv:2: value ''"},
-           BadCsv{"time,topic,value\n0,a,1 \n", "c.csv:2: value '1 '"},
+           BadCsv{"time,topic,value\n0,a,1 2\n", "c.csv:2: value '1 2'"},
+           BadCsv{"time,topic,value\n0,a,+-1\n", "c.csv:2: value '+-1'"},
            BadCsv{"time,topic,value\n0,a,1e999\n", "c.csv:2: value '1e999'"},
            BadCsv{"time,topic,value\n0,a,1\n\n1,a,x\n",
                   "c.csv:4: value 'x' in '1,a,x'; expected: a number"},
@@ -248,6 +257,22 @@ TEST(CommandFile, FaultsNameFileAndLineAndWhatIsExpected) {
     } catch (const CommandFileError& error) {
       EXPECT_EQ(std::string(error.what()).rfind(bad.message, 0), 0U) << error.what();
     }
+  }
+}
+
+// As tables do, and as spreadsheets write them.
+TEST(CommandFile, ReadsOtherSeparatorsQuotesBlanksAndSigns) {
+  for (const char* text :
+       {"\xef\xbb\xbftime,topic,value\n0.5,a,2\n", "time;topic;value\r\n0.5;a;2\r\n",
+        "time\ttopic\tvalue\n0.5\ta\t2", "\"time\",\"topic\",\"value\"\n\"0.5\",\"a\",\"2\"\n",
+        "time, topic, value\n 0.5 , a,2 \n", "time,topic,value\n+0.5,a,+2\n",
+        "\xef\xbb\xbf# a comment\n\"time\";topic; value\n+0.5;\"a\" ; +2\n"}) {
+    SCOPED_TRACE(text);
+    const std::vector<TimedCommand> commands = readCommandText(text, "c.csv");
+    ASSERT_EQ(commands.size(), 1U);
+    EXPECT_EQ(commands[0].time, 0.5);
+    EXPECT_EQ(commands[0].topic, "a");
+    EXPECT_EQ(commands[0].value, 2.0);
   }
 }
 

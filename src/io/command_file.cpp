@@ -9,7 +9,8 @@
 #include <sstream>
 #include <system_error>
 
-#include "model/number_text.h"
+#include "model/csv_fields.h"
+#include "variator_sim/message_text.h"
 
 namespace variator_sim {
 namespace {
@@ -35,9 +36,11 @@ class CommandReader {
     bool has_header = false;
     std::string line;
     while (nextLine(&line)) {
+      if (line_number_ == 1) line.erase(0, skipByteOrderMark(line));
       if (isBlankOrComment(line)) continue;
       if (!has_header) {
-        if (line != kHeader) {
+        separator_ = separatorOf(line);
+        if (join(fieldsOf(line), ",") != kHeader) {
           throw error({inQuotes(line), " is not the header; expected: ", kHeader});
         }
         has_header = true;
@@ -85,27 +88,37 @@ class CommandReader {
     return true;
   }
 
+  std::vector<std::string> fieldsOf(const std::string& line) const {
+    std::vector<std::string> fields;
+    for (const CsvField& field : splitFields(line, 0, line.size(), separator_)) {
+      fields.push_back(textOf(line, field));
+    }
+    return fields;
+  }
+
   TimedCommand commandOf(const std::string& line) const {
-    const std::size_t first = line.find(',');
-    const std::size_t second = first == std::string::npos ? first : line.find(',', first + 1);
-    if (second == std::string::npos || line.find(',', second + 1) != std::string::npos) {
-      throw error({inQuotes(line), " does not have three columns; expected: ", kHeader});
+    const std::vector<std::string> fields = fieldsOf(line);
+    if (fields.size() != 3) {
+      throw error({inQuotes(line), " does not have three columns between ",
+                   separator_ == '\t' ? "tabs" : inQuotes(std::string(1, separator_)),
+                   "; expected: ", kHeader});
     }
     TimedCommand command;
     command.line = line_number_;
-    const std::string time = line.substr(0, first);
-    command.topic = line.substr(first + 1, second - first - 1);
-    const std::string value = line.substr(second + 1);
-    if (!readWhole(time, &command.time) || !std::isfinite(command.time) || command.time < 0.0) {
-      throw error(
-          {"time ", inQuotes(time), " in ", inQuotes(line), "; expected: a finite number >= 0, s"});
+    const std::string& time = fields[0];
+    command.topic = fields[1];
+    const std::string& value = fields[2];
+    if (!readNumber(time, &command.time) || !std::isfinite(command.time) || command.time < 0.0) {
+      throw error({"time ", inQuotes(time), " in ", inQuotes(line), remarkOnComma(time),
+                   "; expected: a finite number >= 0, s"});
     }
     if (command.topic.empty() || command.topic.find_first_of(" \t") != std::string::npos) {
       throw error({"topic ", inQuotes(command.topic), " in ", inQuotes(line),
                    "; expected: the topic of a commanded input, without blanks"});
     }
-    if (!readWhole(value, &command.value)) {
-      throw error({"value ", inQuotes(value), " in ", inQuotes(line), "; expected: a number"});
+    if (!readNumber(value, &command.value)) {
+      throw error({"value ", inQuotes(value), " in ", inQuotes(line), remarkOnComma(value),
+                   "; expected: a number"});
     }
     return command;
   }
@@ -113,6 +126,7 @@ class CommandReader {
   std::istream& lines_;
   const std::string& source_name_;
   int line_number_ = 0;
+  char separator_ = ',';
   std::array<char, kLongestLine + 2> buffer_{};  // and the line's end, and the text's
 };
 

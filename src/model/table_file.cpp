@@ -5,14 +5,9 @@
 #include <utility>
 
 #include "io/text_file.h"
-#include "model/number_text.h"
 
 namespace variator_sim {
 namespace {
-
-bool isBlank(char c) {
-  return c == ' ' || c == '\t' || c == '\r';
-}
 
 constexpr std::size_t kLongestFile = 1U << 26U;  // bytes: a device may have no end
 
@@ -29,7 +24,7 @@ TableFile::TableFile(const std::string& name, std::string path, std::vector<Colu
                                 "the root, or package://PACKAGE/PATH");
   }
   std::size_t number = 1;
-  std::size_t begin = text_.rfind("\xef\xbb\xbf", 0) == 0 ? 3 : 0;
+  std::size_t begin = skipByteOrderMark(text_);
   for (; begin < text_.size(); ++number) {
     const std::size_t end = std::min(text_.find('\n', begin), text_.size());
     const std::size_t first = text_.find_first_not_of(" \t\r", begin);
@@ -45,40 +40,16 @@ TableFile::TableFile(const std::string& name, std::string path, std::vector<Colu
   }
 }
 
-std::vector<TableFile::Field> TableFile::split(const Line& line) const {
-  const std::size_t end = std::min(text_.find('\n', line.begin), text_.size());
-  std::vector<Field> fields;
-  for (std::size_t begin = line.begin;; ++begin) {
-    std::size_t next = begin;
-    bool is_quoted = false;
-    while (next < end && (is_quoted || text_[next] != separator_)) {
-      if (text_[next] == '"') is_quoted = !is_quoted;
-      ++next;
-    }
-    Field field{begin, next};
-    while (field.begin < field.end && isBlank(text_[field.begin])) ++field.begin;
-    while (field.end > field.begin && isBlank(text_[field.end - 1])) --field.end;
-    fields.push_back(field);
-    if (next == end) return fields;
-    begin = next;
-  }
-}
-
-std::string TableFile::textOf(const Field& field) const {
-  const bool is_quoted =
-      field.end - field.begin > 1 && text_[field.begin] == '"' && text_[field.end - 1] == '"';
-  const std::size_t edge = is_quoted ? 1 : 0;
-  return text_.substr(field.begin + edge, field.end - field.begin - 2 * edge);
+std::vector<CsvField> TableFile::split(const Line& line) const {
+  return splitFields(text_, line.begin, std::min(text_.find('\n', line.begin), text_.size()),
+                     separator_);
 }
 
 void TableFile::readHeader(const Line& line) {
   const std::size_t end = std::min(text_.find('\n', line.begin), text_.size());
-  const std::string header = text_.substr(line.begin, end - line.begin);
-  for (const char separator : {'\t', ';', ','}) {
-    if (header.find(separator) != header.npos) separator_ = separator;
-  }
-  const std::vector<Field> fields = split(line);
-  for (const Field& field : fields) header_.push_back(textOf(field));
+  separator_ = separatorOf(text_.substr(line.begin, end - line.begin));
+  const std::vector<CsvField> fields = split(line);
+  for (const CsvField& field : fields) header_.push_back(textOf(text_, field));
   for (const Column& column : columns_) {
     const auto found = std::find(header_.begin(), header_.end(), column.name);
     const auto place = static_cast<std::size_t>(found - header_.begin());
@@ -96,7 +67,7 @@ void TableFile::readHeader(const Line& line) {
 }
 
 void TableFile::readRow(const Line& line) {
-  const std::vector<Field> fields = split(line);
+  const std::vector<CsvField> fields = split(line);
   if (fields.size() != header_.size()) {
     const std::size_t at = std::min(fields.size() - 1, header_.size());
     throw error(line, fields[at].begin,
@@ -105,17 +76,14 @@ void TableFile::readRow(const Line& line) {
                     ", as the first line has: " + joinNames(header_));
   }
   for (std::size_t i = 0; i < columns_.size(); ++i) {
-    const Field& field = fields[places_[i]];
-    const std::string given = textOf(field);
-    const bool has_sign = given.size() > 1 && given[0] == '+' && given[1] != '-';
+    const CsvField& field = fields[places_[i]];
+    const std::string given = textOf(text_, field);
     double number = 0.0;
-    if (!readWhole(given.substr(has_sign ? 1 : 0), &number) || !std::isfinite(number)) {
-      const bool has_comma = given.find(',') != given.npos && given.find('.') == given.npos;
+    if (!readNumber(given, &number) || !std::isfinite(number)) {
       throw error(line, field.begin,
                   (given.empty() ? "nothing" : inQuotes(given)) + " in column " +
                       inQuotes(columns_[i].name) + " is not a finite number" +
-                      (has_comma ? ": decimals stand behind a point, not behind a comma" : "") +
-                      "; allowed: a number such as 1500, 0.25 or 1e-3");
+                      remarkOnComma(given) + "; allowed: a number such as 1500, 0.25 or 1e-3");
     }
     numbers_[i].push_back(columns_[i].unit.toSi(number));
   }
@@ -129,7 +97,7 @@ SceneError TableFile::error(const Line& line, std::size_t position,
 }
 
 SceneError TableFile::fault(std::size_t column, std::size_t row, const std::string& message) const {
-  const std::vector<Field> fields = split(lines_[row]);
+  const std::vector<CsvField> fields = split(lines_[row]);
   return error(lines_[row], fields[places_[column]].begin,
                "column " + inQuotes(columns_[column].name) + ": " + message);
 }

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "model/csv_fields.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/units.h"
 
@@ -15,9 +16,8 @@ namespace variator_sim {
 /// below, then in source and install spaces of CMAKE_PREFIX_PATH. Throws SceneError at `key`.
 std::string filePathOf(const std::string& name, const std::string& key);
 
-/// Some columns of a CSV file, by their names in its first line. Fields stand between commas,
-/// semicolons or tabs, whichever the first line has, names and numbers bare or in double quotes.
-/// Blank lines and lines that begin with # are skipped. Errors tell file:line:column.
+/// Some columns of a CSV file (csv_fields.h), by their names in its first line. Blank lines and
+/// lines that begin with # are skipped. Errors tell file:line:column.
 class TableFile {
  public:
   /// A column that is wanted: `key` of the scene names it.
@@ -42,14 +42,9 @@ class TableFile {
     std::size_t begin;
     std::size_t number;  ///< from 1
   };
-  struct Field {
-    std::size_t begin;
-    std::size_t end;
-  };
   void readHeader(const Line& line);
   void readRow(const Line& line);
-  std::vector<Field> split(const Line& line) const;
-  std::string textOf(const Field& field) const;
+  std::vector<CsvField> split(const Line& line) const;
   SceneError error(const Line& line, std::size_t position, const std::string& message) const;
 
   std::string file_;  ///< its name in messages

@@ -21,9 +21,9 @@ struct TimedCommand {
   int line = 0;        ///< in the file, from 1, for messages
 };
 
-/// Returns the commands in order of time; at equal times in the order of the file. Blank lines and
-/// lines that start with # are skipped. Lines have at most 1000 characters, a file 5,000,000
-/// commands. Throws CommandFileError.
+/// Returns the commands in order of time; at equal times in the order of the file. Fields are those
+/// of tables (model/csv_fields.h). Blank lines and lines that start with # are skipped. Lines have
+/// at most 1000 characters, a file 5,000,000 commands. Throws CommandFileError.
 std::vector<TimedCommand> readCommandFile(const std::string& path);
 
 /// Reads `text` as readCommandFile does; `source_name` stands for the file in messages.
