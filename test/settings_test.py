@@ -18,6 +18,7 @@ import rospkg
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rosgraph_msgs.msg import Log
 from std_msgs.msg import Float64
 from variator_sim.msg import DrivetrainEnergy, SceneInfo, SimulationStatus
 
@@ -76,10 +77,19 @@ class LiveSettingsTest(TestCase):
 
     def test_values_that_are_not_allowed_change_nothing(self):
         before = self.change()
-        for name, value in (('real_time_factor', 1e-4), ('publish_rate', 1001.0)):
+        log = Listener('/rosout', Log).connect()
+        self.addCleanup(log.close)
+        for name, value, words in (('real_time_factor', 1e-4, '0.0001 is not allowed: 0 (unpaced) or from 0.001 to 1e6'),
+                                   ('real_time_factor', -1.0, '-1 (or less) is not allowed'),
+                                   ('real_time_factor', -5.0, '-1 (or less) is not allowed'),
+                                   ('real_time_factor', 1e9, '2e+06 (or more) is not allowed'),
+                                   ('publish_rate', 1001.0, '1001 Hz is not allowed: from 0.001 to tick_rate'),
+                                   ('publish_rate', 1e-4, '0.0001 Hz is not allowed'),
+                                   ('publish_rate', -3.0, '-1 (or less) Hz is not allowed')):
             after = self.change(**{name: value})
             self.assertEqual(after[name], before[name])
             self.assertEqual(rospy.get_param('/live/' + name), before[name])
+            log.wait(lambda m, name=name, words=words: f'/live: {name} {words}' in m.msg, words)
 
 
 class DiagnosticsTest(TestCase):

@@ -30,21 +30,28 @@ void LiveSettings::change(VariatorSimConfig& config) {
   if (fault.empty() && follows_clock_) {
     fault = " is left aside: /use_sim_time is true, so /clock sets the pace";
   }
-  change("real_time_factor", fault, "", config.real_time_factor, in_force_.real_time_factor,
+  change("real_time_factor", fault, "", &VariatorSimConfig::real_time_factor, config,
          &SteppingLoop::setRealTimeFactor);
   change("publish_rate", findFaultOfPublishRate(config.publish_rate, tick_rate_), " Hz",
-         config.publish_rate, in_force_.publish_rate, &SteppingLoop::setPublishRate);
+         &VariatorSimConfig::publish_rate, config, &SteppingLoop::setPublishRate);
   in_force_ = config;
 }
 
 void LiveSettings::change(const char* name, const std::string& fault, const char* unit,
-                          double& value, double in_force, void (SteppingLoop::*set)(double)) {
+                          double VariatorSimConfig::*member, VariatorSimConfig& config,
+                          void (SteppingLoop::*set)(double)) {
+  double& value = config.*member;
+  const double in_force = in_force_.*member;
   if (value == in_force) return;
   if (fault.empty()) {
     (loop_.*set)(value);
     return;
   }
-  ROS_WARN("%s: %s %g%s; it stays %g%s", name_.c_str(), name, value, fault.c_str(), in_force, unit);
+  // What lies beyond the limits of the generated code has been moved to them.
+  const bool is_less = value <= VariatorSimConfig::__getMin__().*member;
+  const bool is_more = value >= VariatorSimConfig::__getMax__().*member;
+  ROS_WARN("%s: %s %g%s%s; it stays %g%s", name_.c_str(), name, value,
+           is_less ? " (or less)" : (is_more ? " (or more)" : ""), fault.c_str(), in_force, unit);
   value = in_force;
 }
 

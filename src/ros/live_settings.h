@@ -24,8 +24,9 @@ class LiveSettings {
 
  private:
   void change(VariatorSimConfig& config);
-  void change(const char* name, const std::string& fault, const char* unit, double& value,
-              double in_force, void (SteppingLoop::*set)(double));
+  void change(const char* name, const std::string& fault, const char* unit,
+              double VariatorSimConfig::*member, VariatorSimConfig& config,
+              void (SteppingLoop::*set)(double));
 
   std::string name_;
   bool follows_clock_;
