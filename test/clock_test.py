@@ -9,6 +9,7 @@ import time
 import unittest
 
 import roslib.packages
+import rosparam
 import rospkg
 import rospy
 import rostest
@@ -169,6 +170,23 @@ class ClockTest(unittest.TestCase):
                              state.reaction_torque_rate[n]]
             expected += [state.residual[0], state.multiplier[0]]
             self.assertEqual([float(word) for word in line.split(',')], expected)
+
+    def test_6_a_second_clock_is_told_by_name(self):
+        log = Listener('/rosout', Log).connect()
+        self.addCleanup(log.close)
+        rosparam.upload_params('/second', {**rosparam.load_file(str(STEPS))[0][0], 'publish_clock': True})
+        program = roslib.packages.find_node('variator_sim', 'variator_sim_node')[0]
+        # (It warns before a subscriber of its log can connect.)
+        output = tempfile.NamedTemporaryFile()
+        self.addCleanup(output.close)
+        second = subprocess.Popen([program, '__name:=second'], stdout=output, stderr=subprocess.STDOUT)
+        self.addCleanup(second.wait)
+        self.addCleanup(second.kill)
+        wait_for(lambda: b'/second: publish_clock is true, and /clock is published by /owner, too'
+                 in pathlib.Path(output.name).read_bytes(), 'a warning')
+        self.owner.trigger('resume')
+        log.wait(lambda m: m.name == '/follower' and '/clock comes from ' in m.msg and '/owner' in m.msg
+                 and '/second' in m.msg, 'a warning of the follower')
 
 
 if __name__ == '__main__':

@@ -75,6 +75,23 @@ std::vector<NamedValues> makeAllQuantities(const Simulation& simulation) {
   return messages;
 }
 
+/// Returns the other nodes that publish /clock, by the master.
+std::vector<std::string> listOtherClocks() {
+  XmlRpc::XmlRpcValue arguments, response, state;
+  arguments[0] = ros::this_node::getName();
+  std::vector<std::string> others;
+  if (!ros::master::execute("getSystemState", arguments, response, state, false)) return others;
+  XmlRpc::XmlRpcValue& topics = state[0];
+  for (int i = 0; i < topics.size(); ++i) {
+    if (static_cast<std::string&>(topics[i][0]) != "/clock") continue;
+    for (int n = 0; n < topics[i][1].size(); ++n) {
+      const auto& name = static_cast<std::string&>(topics[i][1][n]);
+      if (name != ros::this_node::getName()) others.push_back(name);
+    }
+  }
+  return others;
+}
+
 /// Returns a handle whose callbacks, and those of handles made from it, come in the queue.
 ros::NodeHandle withQueue(ros::NodeHandle handle, ros::CallbackQueue& queue) {
   handle.setCallbackQueue(&queue);
@@ -202,18 +219,42 @@ void SimulationServer::setUpClock() {
           "Set /use_sim_time before they start.",
           name.c_str());
     }
+    const std::vector<std::string> others = listOtherClocks();
+    if (!others.empty()) {
+      ROS_WARN(
+          "%s: publish_clock is true, and /clock is published by %s, too: nodes that follow it are "
+          "set back again and again. Only one node may publish it: leave publish_clock out here, "
+          "or "
+          "end the other one.",
+          name.c_str(), join(others, ", ").c_str());
+    }
   } else if (role_ == ClockRole::kFollower) {
-    const boost::function<void(const rosgraph_msgs::ClockConstPtr&)> receive =
-        [this](const rosgraph_msgs::ClockConstPtr& message) {
-          receiveClock(static_cast<std::int64_t>(message->clock.toNSec()));
-        };
-    clock_subscriber_ = public_handle_.subscribe<rosgraph_msgs::Clock>(
-        "/clock", kClockQueue, receive, ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+    using ClockEvent = ros::MessageEvent<const rosgraph_msgs::Clock>;
+    const boost::function<void(const ClockEvent&)> receive = [this](const ClockEvent& event) {
+      receiveClock(static_cast<std::int64_t>(event.getConstMessage()->clock.toNSec()),
+                   event.getPublisherName());
+    };
+    ros::SubscribeOptions options;
+    options.initByFullCallbackType<const ClockEvent&>("/clock", kClockQueue, receive);
+    options.transport_hints = ros::TransportHints().tcpNoDelay();
+    clock_subscriber_ = public_handle_.subscribe(options);
     ROS_INFO("%s: /use_sim_time is true: simulated time follows /clock", name.c_str());
   }
 }
 
-void SimulationServer::receiveClock(std::int64_t time) {
+void SimulationServer::receiveClock(std::int64_t time, const std::string& publisher) {
+  if (publisher != clock_publisher_name_) {
+    const std::string earlier = std::exchange(clock_publisher_name_, publisher);
+    // (One that is started anew, or another one behind it, is no second one.)
+    if (!earlier.empty() && !two_clocks_told_ && clock_subscriber_.getNumPublishers() > 1) {
+      two_clocks_told_ = true;
+      ROS_WARN(
+          "%s: /clock comes from %s and from %s: the motion starts anew whenever one sets the "
+          "other "
+          "back. Only one node may publish it.",
+          private_handle_.getNamespace().c_str(), earlier.c_str(), publisher.c_str());
+    }
+  }
   const std::int64_t before = followed_clock_.now();
   if (!followed_clock_.set(time) || !jump_back_log_.passes(steady_clock_.now())) return;
   ROS_WARN("%s: /clock has jumped back from %.3f s to %.3f s (jump %llu): the motion starts anew",

@@ -81,7 +81,8 @@ class SimulationServer {
   // Callback thread.
   void runCallbacks(ros::CallbackQueue& queue) const;
   void refreshDemand();
-  void receiveClock(std::int64_t time);
+  /// `publisher`: the node that has sent it.
+  void receiveClock(std::int64_t time, const std::string& publisher);
   void receiveCommands(const Commands& message);
 
   // Poll thread.
@@ -139,6 +140,8 @@ class SimulationServer {
   // Callback thread.
   LogThrottle refused_group_log_;
   LogThrottle jump_back_log_;
+  bool two_clocks_told_ = false;
+  std::string clock_publisher_name_;  ///< of the last time that came
 
   SteadyClock steady_clock_;
   FollowedClock followed_clock_;
