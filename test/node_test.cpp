@@ -678,7 +678,8 @@ TEST(Node, AStoppedMotionLeavesTheNodeAlive) {
   ASSERT_TRUE(node.trigger("resume").success);
   ASSERT_TRUE(node.waitForStatus([](const auto& s) {
     return s.state == SimulationStatus::STOPPED && s.stop_reason == "NonFiniteValue" &&
-           s.message.find("motor") != std::string::npos && std::abs(s.time - 0.3) < 1e-3;
+           s.message.find("motor") != std::string::npos &&
+           s.message.find("~reset") == std::string::npos && std::abs(s.time - 0.3) < 1e-3;
   })) << node.lastStatus();
   // The last state published is the last good one.
   ASSERT_TRUE(node.waitFor([&] { return std::abs(node.lastTime() - 0.3) < 1e-3; }));
@@ -694,7 +695,9 @@ TEST(Node, AStoppedMotionLeavesTheNodeAlive) {
   // Reset revives it; time goes on, until it stops again.
   ASSERT_TRUE(node.trigger("reset").success);
   ASSERT_TRUE(node.waitForStatus([](const auto& s) {
-    return s.state == SimulationStatus::STOPPED && std::abs(s.time - 0.6) < 2e-3;
+    return s.state == SimulationStatus::STOPPED && std::abs(s.time - 0.6) < 2e-3 &&
+           s.message.find("(of the motion since ~reset or ~set_state; 'time' of messages is 0.6") !=
+               std::string::npos;
   })) << node.lastStatus();
 
   // In lockstep the step that stops says so and shows the last good state.

@@ -149,7 +149,7 @@ void SteppingLoop::serveRequest() {
       request_.kind == RequestKind::kReset || request_.kind == RequestKind::kResetTime;
   if (state() == RunState::kStopped && !reset && request_.kind != RequestKind::kPause) {
     answer_.result = RequestResult::kStopped;
-    answer_.message = simulation_.describeStatus();
+    answer_.message = describeStop();
   }
   pushSnapshot(!stop_told && (state() != before || reset));
   is_serving_ = false;

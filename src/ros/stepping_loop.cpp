@@ -312,6 +312,14 @@ RunState SteppingLoop::state() const {
   return simulation_.isSleeping() ? RunState::kSleeping : RunState::kRunning;
 }
 
+std::string SteppingLoop::describeStop() {
+  std::string text = simulation_.describeStatus();
+  const std::size_t end = text.find(": ");
+  if (offset_ == 0 || end == std::string::npos) return text;
+  return text.insert(end, " (of the motion since ~reset or ~set_state; 'time' of messages is " +
+                              formatNumber(toSeconds(sampleTime())) + " s)");
+}
+
 bool SteppingLoop::noticeStop() {
   if (stop_noticed_ || simulation_.status().ok()) return false;
   stop_noticed_ = true;
@@ -414,7 +422,7 @@ void SteppingLoop::pushSnapshot(bool state_changed) {
   snapshot.energy_doubt = simulation_.energyDoubt();
   if (snapshot.state == RunState::kStopped) {
     // The motion is over, so no tick is delayed if this allocates.
-    const std::string text = simulation_.describeStatus();
+    const std::string text = describeStop();
     StopMessage message;
     std::copy_n(text.begin(), std::min(text.size(), message.text.size() - 1), message.text.begin());
     stop_messages_.push(message);

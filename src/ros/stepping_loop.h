@@ -6,6 +6,7 @@
 #include <boost/lockfree/spsc_queue.hpp>
 #include <cstdint>
 #include <mutex>
+#include <string>
 #include <vector>
 
 #include "ros/loop_messages.h"
@@ -143,6 +144,8 @@ class SteppingLoop {
   void noticeClock();
   void applySettings();
   RunState state() const;
+  /// Describes the stop, and its time as messages show it where the scene's own is another one.
+  std::string describeStop();
   void tick();
   /// Returns false, and stops the motion, when simulated time ends before.
   bool moveToTick();
