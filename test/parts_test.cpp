@@ -172,6 +172,10 @@ p: {file: axle.yaml, left_drag: {torqe: 1}} => p/left_drag/torqe: 'torque'
 p: {file: axle.yaml, torqes: [a]} => p/torqes: 'torques'
 p: {file: axle.yaml, principle: gauss} => p/principle: 'generalized_gauss'
 p: {file: axle.yaml, initial: {velocity: [1]}} => p/initial/velocity: list of 3
+p: {file: axle.yaml, initial: 5} => p/initial: expected a dictionary | 5
+p: {file: axle.yaml, inertia_coupling: 5} => p/inertia_coupling: expected a list | 5
+p: {file: axle.yaml} / initial: 5 => initial: expected a dictionary | 5
+p: {file: axle.yaml} / inertia_coupling: 5 => inertia_coupling: expected a list | 5
 p: {file: axle.yaml} / initial: {velocity: [1, 2]} => initial/velocity: list of 1 | s
 )"),
                      [&](const std::string& text) { (void)read(text); });

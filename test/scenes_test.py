@@ -154,6 +154,15 @@ class ScenesTest(TestCase):
         scene['engine']['initial'] = 5.0  # without a torque it would rest
         self.check_starts('merged', scene)
 
+    def test_a_value_in_place_of_a_scene_is_told(self):
+        for value, words in ((5, 'an integer: 5'), ([1], 'a list: [1]'), ('text', 'a text: text')):
+            rospy.set_param('/no_scene', value)
+            node = start('no_scene')
+            output, _ = node.communicate(timeout=PATIENCE)
+            self.assertEqual(node.returncode, 2, output)
+            self.assertIn(f"/no_scene: a scene (dictionary) is expected, got {words}; 'rosparam delete /no_scene'", output)
+            rospy.delete_param('/no_scene')
+
     def test_no_scene_at_all(self):
         node = start('empty')
         output, _ = node.communicate(timeout=PATIENCE)

@@ -272,10 +272,25 @@ class Merge {
     shafts_.assign(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(own));
   }
 
+  /// Returns the value at `key`, for more to be put into it: an empty one if there is none. Throws
+  /// SceneError where it is of another kind.
+  ParameterTree& valueAt(const std::string& key, ParameterTree empty) {
+    ParameterTree& value = root_[key];
+    const Kind kind = empty.kind();
+    if (value.kind() == Kind::kNothing) value = std::move(empty);
+    requireKind(value, kind, key);
+    return value;
+  }
+
+  static void requireKind(const ParameterTree& value, Kind kind, const std::string& path) {
+    if (value.kind() == kind || value.kind() == Kind::kNothing) return;
+    throw SceneError(path, std::string("expected ") +
+                               (kind == Kind::kList ? "a list" : "a dictionary") + ", got " +
+                               value.describeKind() + ": " + value.toText());
+  }
+
   ParameterTree::List& listAt(const std::string& key) {
-    ParameterTree& list = root_[key];
-    if (list.kind() != Kind::kList) list = ParameterTree::list();
-    return list.asList();
+    return valueAt(key, ParameterTree::list()).asList();
   }
 
   void addPart(const std::string& name) {
@@ -297,6 +312,7 @@ class Merge {
     }
     const auto coupling = its.find("inertia_coupling");
     if (coupling != its.end()) {
+      requireKind(coupling->second, Kind::kList, name + "/inertia_coupling");
       const ParameterTree made = renaming.apply("", coupling->second);
       ParameterTree::List& all = listAt("inertia_coupling");
       all.insert(all.end(), made.asList().begin(), made.asList().end());
@@ -329,6 +345,7 @@ class Merge {
   void noteInitial(const std::string& name, const Part& part) {
     const std::vector<std::string> its = namesAt(part.scene, "shafts", name);
     const ParameterTree* const initial = part.scene.find("initial");
+    if (initial != nullptr) requireKind(*initial, Kind::kDictionary, name + "/initial");
     for (const char* key : {"angle", "velocity", "acceleration"}) {
       const ParameterTree* const values = initial == nullptr ? nullptr : initial->find(key);
       if (values != nullptr && values->asList().size() != its.size()) {
@@ -345,9 +362,7 @@ class Merge {
   }
 
   void writeInitial() {
-    ParameterTree& initial = root_["initial"];
-    if (initial.kind() != Kind::kDictionary) initial = ParameterTree::dictionary();
-    Dictionary& own = initial.asDictionary();
+    Dictionary& own = valueAt("initial", ParameterTree::dictionary()).asDictionary();
     for (const auto& [key, more] : initial_) {
       const auto found = own.find(key);
       if (found == own.end() && states_.count(key) == 0) continue;

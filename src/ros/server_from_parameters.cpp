@@ -29,7 +29,13 @@ ParameterTree readParameters(const ros::NodeHandle& private_handle) {
                      "no parameters are set here; load a scene first, e.g. roslaunch variator_sim "
                      "variator_sim.launch scene:=FILE.yaml");
   }
-  return toParameterTree(value);
+  ParameterTree tree = toParameterTree(value);
+  if (tree.kind() != ParameterTree::Kind::kDictionary) {
+    throw SceneError("", "a scene (dictionary) is expected, got " + tree.describeKind() + ": " +
+                             tree.toText() + "; 'rosparam delete " + private_handle.getNamespace() +
+                             "' before one is loaded");
+  }
+  return tree;
 }
 
 /// Publishes ~status while a scene is read, until the server does.
