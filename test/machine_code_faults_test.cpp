@@ -142,6 +142,10 @@ TEST_F(MachineCodeFaults, ACompilerThatFails) {
   EXPECT_EQ(run(), "the interpreter: " + cc + " failed");
   compileBy("kill -9 $$");
   EXPECT_EQ(run(), "the interpreter: " + cc + " failed");
+  compileBy("echo 'a warning' >&2; echo 'kernel.c:1: error: no space' >&2; echo more >&2; exit 1");
+  EXPECT_EQ(run(), "the interpreter: " + cc + " failed: kernel.c:1: error: no space");
+  compileBy("echo 'no licence' >&2; exit 1");
+  EXPECT_EQ(run(), "the interpreter: " + cc + " failed: no licence");
   EXPECT_TRUE(kernels().empty());
   std::ofstream(cc) << "no program";
   EXPECT_EQ(run().rfind("the interpreter: " + cc, 0), 0U) << run();

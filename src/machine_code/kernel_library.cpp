@@ -141,7 +141,8 @@ class Workshop {
  public:
   explicit Workshop(const std::string& path) : folder_(path + ".XXXXXX") {
     if (::mkdtemp(folder_.data()) == nullptr) folder_.clear();
-    for (const char* name : {"/kernel.so", "/kernel.c", "/0.o", "/1.o", "/2.o", "/3.o"}) {
+    for (const char* name :
+         {"/kernel.so", "/kernel.c", "/0.o", "/1.o", "/2.o", "/3.o", "/messages"}) {
       files_.push_back(folder_ + name);
     }
   }
@@ -153,6 +154,8 @@ class Workshop {
   const std::string& output() const { return files_[0]; }
   const std::string& source() const { return files_[1]; }
   const std::string& object(unsigned unit) const { return files_[2 + unit]; }
+  /// What the compiler says.
+  const std::string& messages() const { return files_.back(); }
   /// (Calls nothing that a forked process must not call.)
   void remove() const {
     if (!exists()) return;
@@ -195,6 +198,8 @@ class Foreman {
     for (int stream = 0; stream < 3; ++stream) {
       if (::open("/dev/null", O_RDWR) != stream) ::_exit(1);
     }
+    const int messages = ::open(workshop.messages().c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
+    if (messages >= 0) ::dup2(messages, STDERR_FILENO);
     const bool is_made =
         ::getppid() == parent && makeAll(units.data(), units.size()) && makeAll(&link, 1);
     if (::getppid() != parent) workshop.remove();
@@ -252,6 +257,18 @@ class Foreman {
   }
 };
 
+/// Returns ": " and the first error of the compiler, or its first line; "" if it has said nothing.
+std::string firstComplaint(const std::string& messages) {
+  std::istringstream lines(messages);
+  std::string first;
+  for (std::string line; std::getline(lines, line);) {
+    const bool is_error = line.find("error: ") != line.npos;
+    if (is_error || first.empty()) first = line;
+    if (is_error) break;
+  }
+  return first.empty() ? "" : ": " + escaped(first, 300);
+}
+
 /// Runs the compiler, units in parallel; returns an empty reason when it made `workshop.output()`.
 std::string compile(const std::string& program, unsigned units, const Workshop& workshop,
                     int patience) {
@@ -293,7 +310,8 @@ std::string compile(const std::string& program, unsigned units, const Workshop& 
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   if (!reason.empty()) return reason;
-  return WIFEXITED(status) && WEXITSTATUS(status) == 0 ? "" : program + " failed";
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return "";
+  return program + " failed" + firstComplaint(readAll(workshop.messages()));
 }
 
 bool writeAll(const std::string& path, const std::string& text, std::ios::openmode mode) {
