@@ -114,6 +114,14 @@ std::string ProgramMotion::describeStop(Element* culprit) {
          << MotionPast::kMostPieces
          << " steps, which is all that is kept: a shorter delay, or larger tolerances, have fewer";
   }
+  constexpr double kNoMachine = 1e12;  // in any SI unit
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(i)];
+    const double command = signal_[i].target();
+    if (input.kind != InputKind::kCommanded || std::abs(command) < kNoMachine) continue;
+    text << "; the command " << formatNumber(command) << " on " << inQuotes(input.topic)
+         << " is out of all proportion: 'min' and 'max' of the input bound what is taken";
+  }
   return text.str();
 }
 
