@@ -92,6 +92,9 @@ TEST(MessageText, ShowsTheCaretBelowControlCharacters) {
 }
 
 TEST(MessageText, SuggestsNothingForTextsThatAreNotTyped) {
+  EXPECT_EQ(findNearestName("formula", {"unit", "expression"}), "expression");
+  EXPECT_EQ(findNearestName("max", {"maximum", "minimum"}), "maximum");
+  EXPECT_EQ(findNearestName("formula", {"formulae", "expression"}), "formulae");
   EXPECT_EQ(findNearestName(std::string(20000000, 'x'), {"throttle", std::string(20000000, 'y')}),
             "");
 }

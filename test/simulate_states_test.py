@@ -110,7 +110,11 @@ class SimulateStatesTest(SimulateTestCase):
         text = pathlib.Path(good).read_text(encoding="utf-8")
         for change, *words in (
                 (("  drive:\n    acc", "  drvie:\n    acc"), "shafts/drvie: unknown key", "'drive'"),
-                (("state: 1", "state: 2"), "variator_sim_state: ", "1"),
+                (("state: 1", "state: 2"), "variator_sim_state: 2 is out of range; allowed: the integer 1\n"),
+                (("time: ", "velocity: [1, 2]\ntime: "),
+                 "velocity: stands below 'shafts' and the shaft in a state: shafts: {drive: {velocity: 1.5}}\n"),
+                (("time: ", "load: {angle: 1}\ntime: "),
+                 "load: stands below 'shafts' and the shaft in a state: shafts: {load: {velocity: 1.5}}\n"),
                 (("time: 0.1", "time: -0.1"), "time: "),
                 (("velocity: ", "velocity: x"), "shafts/drive/velocity: expected a finite number"),
                 (("  load_torque:", "  laod_torque:"), "inputs/laod_torque", "'load_torque'"),

@@ -722,6 +722,25 @@ solver: {stepper: dopri5, maximum_steps: 2000000000}
             rows = parse(output.read_text(encoding="utf-8"))[1]
             self.assertEqual(len(rows), 2)  # what lay before the crawl
 
+    def test_a_part_that_is_missing_is_told_with_its_scene(self):
+        scene = self.write("scene.yaml", "shafts: [a]\na: {inertia: 1}\nparts: [p]\np: {file: none.yaml}\n")
+        self.check_refused([scene, "--duration", "1"], f"simulate: {scene}: p/file: {self.folder}/none.yaml:1:1: cannot be read")
+
+    def test_a_command_out_of_all_proportion_is_told(self):
+        scene = self.write("ratio.yaml", """
+shafts: [a, b]
+a: {inertia: 1}
+b: {inertia: 1}
+constraints: [gear]
+gear: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: {topic: ratio, initial: 0.5, hold: second_order_lag,
+  time_constant: 0.2}}
+""")
+        commands = self.write("commands.csv", "time,topic,value\n0.1,ratio,1e308\n")
+        result = self.simulate(scene, "--duration", "1", "--commands", commands)
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("; the command 1e+308 on 'ratio' is out of all proportion: 'min' and 'max' of the input bound",
+                      result.stderr)
+
     def test_a_plugin_that_throws_ends_its_motion_and_no_sample_is_lost(self):
         self.environment.update(faulty_package.environment(self.folder))
         for how, words in (("throws", "the sensor is off"), ("throws_a_number", "an exception of type int")):

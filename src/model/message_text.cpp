@@ -184,7 +184,16 @@ std::string findNearestName(const std::string& name, const std::vector<std::stri
       consider(candidate, distance + kEdit, candidate.size());
     }
   }
-  return nearest;
+  if (!nearest.empty()) return nearest;
+  // Other words for the same.
+  constexpr const char* kSynonyms[][2] = {{"formula", "expression"}, {"formula", "torque"},
+                                          {"expression", "torque"},  {"maximum", "max"},
+                                          {"minimum", "min"},        {"start", "initial"}};
+  for (const auto& [one, other] : kSynonyms) {
+    if (name == one && contains(candidates, other)) return other;
+    if (name == other && contains(candidates, one)) return one;
+  }
+  return "";
 }
 
 std::string suggestName(const std::string& name, const std::vector<std::string>& candidates) {

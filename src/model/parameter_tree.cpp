@@ -372,8 +372,9 @@ double ParameterReader::number(const std::string& key, const Range& range,
 int ParameterReader::integer(const std::string& key, int minimum, int maximum,
                              std::optional<int> default_value) {
   if (raw(key) == nullptr && default_value) return *default_value;
-  const std::string what =
-      "an integer from " + std::to_string(minimum) + " to " + std::to_string(maximum);
+  const std::string what = minimum == maximum ? "the integer " + std::to_string(minimum)
+                                              : "an integer from " + std::to_string(minimum) +
+                                                    " to " + std::to_string(maximum);
   const ParameterTree& value = require(key, what);
   const bool is_scalar = value.kind() == ParameterTree::Kind::kInteger ||
                          value.kind() == ParameterTree::Kind::kReal ||

@@ -65,9 +65,18 @@ Derivatives calcDerivatives(const Numbers& x, const Numbers& y, Table::Beyond be
 }  // namespace
 
 Numbers readColumn(ParameterReader& reader, const Table::Column& column, std::size_t size) {
-  const ParameterTree* const list = reader.raw(column.key);
-  if (list != nullptr && size == 0) size = list->asList().size();
-  Numbers read = reader.numbers(column.key, std::max<std::size_t>(2, size), column.range);
+  if (size == 0) {
+    constexpr const char* kWanted = "a list of at least 2 numbers";
+    const ParameterTree& list = reader.require(column.key, kWanted);
+    const bool is_list = list.kind() == ParameterTree::Kind::kList;
+    size = list.asList().size();
+    if (size < 2) {
+      throw reader.error(column.key, std::string("expected ") + kWanted + ", got " +
+                                         (is_list ? std::to_string(size) : list.describeKind()) +
+                                         ": " + list.toText());
+    }
+  }
+  Numbers read = reader.numbers(column.key, size, column.range);
   for (double& number : read) number = column.unit.toSi(number);
   return read;
 }

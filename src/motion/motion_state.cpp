@@ -242,6 +242,17 @@ void readInputs(ParameterReader& root, const Scene& scene, bool needs_all, Motio
 
 }  // namespace
 
+/// Tells where values of shafts stand in a state: not as in `initial` of a scene.
+static void refuseShaftsAtTheRoot(const ParameterTree& tree, const Scene& scene) {
+  for (const auto& [key, value] : tree.asDictionary()) {
+    const bool is_quantity = key == "angle" || key == "velocity" || key == "acceleration";
+    if (!is_quantity && !contains(scene.shafts, key)) continue;
+    throw SceneError(key, "stands below 'shafts' and the shaft in a state: shafts: {" +
+                              (is_quantity ? scene.shafts.front() : key) + ": {" +
+                              (is_quantity ? key : "velocity") + ": 1.5}}");
+  }
+}
+
 ParameterTree toTree(const MotionState& state, const Scene& scene) {
   ParameterTree::Dictionary shafts;
   for (int i = 0; i < scene.shaftCount(); ++i) {
@@ -275,6 +286,7 @@ MotionState readMotionState(const ParameterTree& tree, const Scene& scene,
   for (const char* key : {"variator_sim_state", "time", "shafts", "inputs", "history"}) {
     root.allow(key);
   }
+  refuseShaftsAtTheRoot(tree, scene);
   root.finish();
   const bool needs_all = root.has("history");
   MotionState state = otherwise;

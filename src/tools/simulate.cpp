@@ -96,11 +96,21 @@ std::vector<ResolvedCommand> readCommands(const SimulateOptions& options, const 
   return resolveCommands(readCommandFile(options.commands_path), scene, options.commands_path);
 }
 
+/// Reads a file, of which its faults tell; a fault of one of its parts tells of both.
+ParameterTree readSceneFile(const std::string& path) {
+  try {
+    return readYamlFile(path);
+  } catch (const SceneError& error) {
+    if (error.keyPath().empty()) throw;
+    throw SceneError("", path + ": " + error.what());
+  }
+}
+
 /// Returns what `use` makes of the scene's tree; faults name their source.
 template <class Use>
 auto useTree(const SimulateOptions& options, const Use& use) {
   const std::string& path = options.scene_path;
-  ParameterTree tree = readYamlFile(path);
+  ParameterTree tree = readSceneFile(path);
   fromSource(path, [&] { applyOwnOverrides(tree); });
   fromSource("--set", [&] {
     for (const std::string& text : options.overrides) applyOverride(tree, text);
