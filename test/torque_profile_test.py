@@ -28,6 +28,7 @@ BAD_FILES = {
     "no topic": ("time,topic,value\n1,,2\n", "topic '' is not"),
     "a topic of another": ("time,topic,value\n1,/a,2\n", "topic '/a' is not"),
     "a long line": ("time,topic,value\n" + "x" * 2000000 + "\n", "does not have three columns"),
+    "a value that is no number": ("time,topic,value\n1,a,nan\n", ":2: value 'nan' of 'a' is not a finite number"),
     "no text": (b"\xff\xfe", "can't decode"),
 }
 
