@@ -140,6 +140,51 @@ class SweepTest(TestCase):
             with self.assertRaisesRegex(TypeError, "controller: returned .*as `simulate` has it"):
                 variator_sim.sweep(scene, 1.0, grid=grid, metrics=["final(drive/velocity)"], controller=fault)
 
+    def test_a_controller_that_raises_costs_its_run_only(self):
+        scene = LAG.replace("1 - c*w1", "u - c*w1").replace("torques:", "inputs: [u]\nu: {topic: u, initial: 1}\ntorques:")
+        call = dict(duration=1.0, grid={"motor/parameters/c": [1.0, 2.0, 3.0]}, metrics=["final(drive/velocity)"])
+
+        def make(values):
+            if values["motor/parameters/c"] == 2.0:
+                return lambda sample: {"u": 1.0 / (sample.time - 0.5)}
+            return lambda sample: None
+
+        table = variator_sim.sweep(scene, controller=make, period=0.5, **call)
+        numpy.testing.assert_array_equal(numpy.isnan(table["final(drive/velocity)"]), [False, True, False])
+        self.assertEqual(list(table["reason"]), [
+            "", "ZeroDivisionError: float division by zero (in the run with motor/parameters/c=2.0)", ""])
+
+    def test_a_sweep_with_a_controller_goes_on(self):
+        scene = LAG.replace("1 - c*w1", "u - c*w1").replace("torques:", "inputs: [u]\nu: {topic: u, initial: 1}\ntorques:")
+        call = dict(duration=1.0, grid={"motor/parameters/c": [1.0, 2.0, 3.0]}, metrics=["final(drive/velocity)"],
+                    output=self.folder / "out.csv")
+
+        class Watch:
+            made, last = [], 2.0
+
+        watch = Watch()
+
+        def maker(gain):
+            def make(values):
+                if values["motor/parameters/c"] > watch.last:
+                    raise KeyboardInterrupt
+                watch.made.append(values["motor/parameters/c"])
+                return lambda sample: {"u": gain * sample.time}
+            return make
+
+        with self.assertRaises(KeyboardInterrupt):
+            variator_sim.sweep(scene, controller=maker(1.0), **call)
+        self.assertEqual(watch.made, [1.0, 2.0])
+        for change in (dict(controller=maker(1.5)), dict(controller=None), dict(controller=maker(1.0), period=0.02),
+                       dict(controller=lambda values: lambda sample: None)):
+            with self.assertRaisesRegex(RuntimeError, "other values"):
+                variator_sim.sweep(scene, **{**call, **change})
+        watch.made, watch.last = [], 3.0
+        table = variator_sim.sweep(scene, controller=maker(1.0), **call)
+        self.assertEqual(watch.made, [3.0])
+        del call["output"]
+        self.check_same(table, variator_sim.sweep(scene, controller=maker(1.0), **call))
+
     def test_files_of_a_scene_count(self):
         """In the folder of the scene and in packages: other contents are another sweep."""
         import os
@@ -256,7 +301,17 @@ class SweepTest(TestCase):
                 (dict(threads=3000000000), "threads: 3000000000; allowed: a whole number from 1 to 1024"),
                 (dict(threads=0), "threads: 0"), (dict(seed=-1), "seed: -1; allowed: a whole number >= 0"),
                 (dict(seed=0.5), "seed: 0.5"), (dict(samples=1.5), "samples: 1.5"),
-                (dict(output="/tmp"), "folder"),
+                (dict(output="/tmp"), "folder"), (dict(output="/nowhere/t.csv"), "'/nowhere/t.csv"),
+                (dict(grid={"drive/inertia": []}), r"grid: drive/inertia: \[\]: allowed are a number, an array"),
+                (dict(grid={"drive/inertia": [[1.0, 2.0]]}), "grid: drive/inertia: .*: allowed are"),
+                (dict(grid={"drive/inertia": [numpy.nan]}), "grid: drive/inertia: .*finite"),
+                (dict(grid=["drive/inertia"]), "grid: .*; allowed: a dict"),
+                (dict(random={"load/inertia": "normal(1,-2)"}),
+                 r"random: load/inertia: 'normal\(1,-2\)': allowed .*DEVIATION >= 0"),
+                (dict(random={"load/inertia": "uniform(2,1)"}), "random: load/inertia: .*LOW <= HIGH"),
+                (dict(random={"load/inertia": ("gauss", 1, 1)}), "random: load/inertia: .*lognormal"),
+                (dict(random={"load/inertia": ("normal", 1)}), "random: load/inertia: .*normal"),
+                (dict(metrics=[5]), "metric 5: allowed are"),
                 (dict(overrides={"drive/inertia": 2}), "overridden too")]:
             with self.subTest(change=change), self.assertRaisesRegex((ValueError, OSError), words):
                 variator_sim.sweep(LAG, 1.0, **{**good, **change})
@@ -284,6 +339,19 @@ class SweepTest(TestCase):
             self.assertEqual(done.returncode, 2)
             self.assertLess(len(done.stderr), 4100)
             self.assertTrue(done.stderr.rstrip("\n").isprintable(), repr(done.stderr))
+
+    def test_one_metric_is_a_text(self):
+        table = variator_sim.sweep(LAG, 1.0, metrics="final(drive/velocity)")
+        self.assertEqual(list(table), ["run", "final(drive/velocity)", "reason"])
+
+    def test_files_that_are_no_tables_are_told(self):
+        path = self.folder / "t.csv"
+        for text in ("", "a,b\n1,2\n", "run,reason\n1\n", "run,x,reason\n1,a,\n"):
+            path.write_text(text, encoding="utf-8")
+            with self.subTest(text=text), self.assertRaisesRegex(ValueError, "t.csv: no table of a sweep"):
+                variator_sim.read_table(path)
+        with self.assertRaisesRegex(ValueError, "no file; allowed"):
+            variator_sim.read_table()
 
     # --- tables, and what is left of them ---------------------------------------------------------
 
@@ -511,8 +579,8 @@ motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}
             self.command(output, "--metric", "final(drive/velocity)", "--set", "drive/inertia=1:2:50"),
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000)),
             stderr=subprocess.PIPE, text=True, check=False, timeout=60)
-        self.assertEqual(done.returncode, 2, done.stderr)
-        self.assertIn("File too large", done.stderr)
+        self.assertEqual(done.returncode, 3, done.stderr)  # as `simulate` has it
+        self.assertRegex(done.stderr, r"File too large: '.*/out\.csv")
         self.assertEqual(output.read_text(encoding="utf-8"), "old")
         self.assertEqual(list(self.folder.glob("*.part")), [])
 

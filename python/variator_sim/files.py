@@ -29,8 +29,34 @@ def _create_beside(path):
 
 
 @contextlib.contextmanager
+def writing(path):
+    """An OSError in here is one of writing `path`: it names that file, and has it as its `output`."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.output = os.fspath(path)
+        raise
+
+
+def check_writable(path):
+    """Raises OSError where a file could not be written there: before what takes long."""
+    with writing(path):
+        target = find_regular_file(path)
+        if target is not None:
+            part, descriptor = _create_beside(target)
+            os.close(descriptor)
+            os.unlink(part)
+
+
+@contextlib.contextmanager
 def whole_file(path, mode="w"):
     """Opens a file, "w" or "wb", that takes the place of the old one once all of it is on the disk."""
+    with writing(path), _whole_file(path, mode) as file:
+        yield file
+
+
+@contextlib.contextmanager
+def _whole_file(path, mode):
     how = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
     target = find_regular_file(path)
     if target is None:

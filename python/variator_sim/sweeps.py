@@ -5,22 +5,25 @@ import contextlib
 import csv
 import errno
 import fcntl
+import functools
 import hashlib
 import itertools
 import json
 import math
-import numbers
 import os
 import re
 import stat
 import sys
 import time
+import types
+import zipfile
 
 import numpy
 
 from variator_sim import _core
+from variator_sim.checks import did_you_mean, mapping, shown, whole_number
 from variator_sim.errors import MotionStopped, SceneError
-from variator_sim.files import find_regular_file, whole_file
+from variator_sim.files import find_regular_file, whole_file, writing
 from variator_sim.running import checked_times, read_commands, simulate
 
 KINDS = ("final", "min", "max", "mean", "integral", "settling")
@@ -66,14 +69,6 @@ class TooManyRuns(ValueError):
     """More than a table in memory can hold."""
 
 
-def whole_number(name, value, least, most=None):
-    """`value` as an int, where it is one within these bounds."""
-    if not isinstance(value, numbers.Integral) or value < least or (most is not None and value > most):
-        allowed = f">= {least}" if most is None else f"from {least} to {most}"
-        raise ValueError(f"{name}: {value!r}; allowed: a whole number {allowed}")
-    return int(value)
-
-
 def check_runs(count):
     """Before there is room made for so many."""
     if count > MOST_RUNS:
@@ -101,23 +96,50 @@ def read_values(text):
 
 
 def read_distribution(text):
-    """("normal", 1.0, 0.1) of "normal(1,0.1)"."""
-    match = re.fullmatch(r"(\w+)\(([^,()]+),([^,()]+)\)", text.replace(" ", ""))
+    """("normal", 1.0, 0.1) of "normal(1,0.1)", or of that tuple."""
+    match = re.fullmatch(r"(\w+)\(([^,()]+),([^,()]+)\)", text.replace(" ", "")) if isinstance(text, str) else None
     try:
-        if match and match.group(1) in DISTRIBUTIONS:
-            return match.group(1), float(match.group(2)), float(match.group(3))
-    except ValueError:
+        name, first, second = match.groups() if match else text
+        first, second = float(first), float(second)
+        if name in DISTRIBUTIONS and math.isfinite(first) and math.isfinite(second):
+            if second >= (first if name == "uniform" else 0.0):
+                return name, first, second
+    except (TypeError, ValueError):
         pass
-    raise ValueError(f"'{text}': allowed are normal(MEAN,DEVIATION), lognormal(MEAN,DEVIATION) "
-                     "(of the logarithm) and uniform(LOW,HIGH)")
+    raise ValueError(f"{shown(text)}: allowed are normal(MEAN,DEVIATION), lognormal(MEAN,DEVIATION) (of the logarithm) with "
+                     "DEVIATION >= 0, and uniform(LOW,HIGH) with LOW <= HIGH")
+
+
+def read_array(values):
+    """Values of one path: a text as of `read_values`, a number or an array."""
+    if isinstance(values, str):
+        return read_values(values)
+    try:
+        array = numpy.atleast_1d(values).astype(float)
+        if array.ndim == 1 and len(array) and numpy.isfinite(array).all():
+            return array
+    except (TypeError, ValueError):
+        pass
+    raise ValueError(f"{shown(values)}: allowed are a number, an array of finite numbers, and texts such as '0.1:0.5:50'")
+
+
+def read_paths(what, values, read):
+    """`values` by path, each read; errors name the path."""
+    read_values_of = {}
+    for path, value in (mapping(what, values, {"drive/inertia": "0.1:0.5:50"}) or {}).items():
+        try:
+            read_values_of[path] = read(value)
+        except TooManyRuns:
+            raise
+        except ValueError as error:
+            raise ValueError(f"{what}: {path}: {error}") from None
+    return read_values_of
 
 
 def make_design(grid, random, samples, seed):
     """Paths and the values of all runs, runs x paths: each point of the grid `samples` times."""
-    grid = {path: read_values(v) if isinstance(v, str) else numpy.atleast_1d(v).astype(float)
-            for path, v in (grid or {}).items()}
-    random = {path: read_distribution(d) if isinstance(d, str) else tuple(d)
-              for path, d in (random or {}).items()}
+    grid = read_paths("grid", grid, read_array)
+    random = read_paths("random", random, read_distribution)
     both = sorted(set(grid) & set(random))
     if both:
         raise ValueError(f"'{both[0]}' is given twice: in the grid and at random")
@@ -136,7 +158,7 @@ def make_design(grid, random, samples, seed):
 
 def read_metric(text):
     """(kind, column, band) of "max(load/velocity)" or "settling(load/velocity, 0.05)"."""
-    match = re.fullmatch(r"\s*(\w+)\s*\(\s*([^,()]+?)\s*(?:,\s*([^,()]+?)\s*)?\)\s*", text)
+    match = isinstance(text, str) and re.fullmatch(r"\s*(\w+)\s*\(\s*([^,()]+?)\s*(?:,\s*([^,()]+?)\s*)?\)\s*", text)
     if match and match.group(1) in KINDS:
         kind, column, band = match.groups()
         if band is None:
@@ -146,7 +168,7 @@ def read_metric(text):
                 return kind, column, float(band)
         except ValueError:
             pass
-    raise ValueError(f"metric '{text}': allowed are final(COLUMN), min, max, mean, integral (over time), and "
+    raise ValueError(f"metric {shown(text)}: allowed are final(COLUMN), min, max, mean, integral (over time), and "
                      "settling(COLUMN) or settling(COLUMN, BAND) with 0 < BAND < 1 (default 0.02)")
 
 
@@ -158,10 +180,7 @@ def find_columns(simulation, metrics):
             groups_of.setdefault(name, group)
     for _, column, _ in metrics:
         if column not in groups_of:
-            import difflib
-            near = difflib.get_close_matches(column, groups_of, 1)
-            hint = f" (did you mean '{near[0]}'?)" if near else ""
-            raise ValueError(f"metric of '{column}': no such column{hint}; the scene's columns: "
+            raise ValueError(f"metric of '{column}': no such column{did_you_mean(column, groups_of)}; the scene's columns: "
                              + ", ".join(groups_of))
     groups = ",".join(sorted({groups_of[column] for _, column, _ in metrics}, key=GROUPS.index))
     names = simulation.columns(groups)
@@ -199,6 +218,35 @@ def file_digest(name):
     return ""
 
 
+def describe(thing, depth=8):
+    """Plain values in which another function, or one that was made with other values, differs: its code without names of
+    files and numbers of lines, defaults, closure; of an object its kind and, where it is called, its attributes."""
+    if thing is None or isinstance(thing, (bool, int, float, str)):
+        return repr(thing)
+    if depth == 0:  # a function that calls itself is in its own closure
+        return type(thing).__qualname__
+    if isinstance(thing, (list, tuple)):
+        return [describe(item, depth - 1) for item in thing]
+    if isinstance(thing, dict):
+        return [[str(key), describe(item, depth - 1)] for key, item in thing.items()]
+    if isinstance(thing, numpy.ndarray):
+        return [str(thing.dtype), thing.shape, hashlib.sha256(thing.tobytes()).hexdigest()]
+    if isinstance(thing, types.CodeType):
+        return [thing.co_code.hex(), thing.co_names, describe(thing.co_consts, depth - 1)]
+    if isinstance(thing, types.FunctionType):
+        cells = [cell.cell_contents for cell in thing.__closure__ or ()]
+        return [describe(part, depth - 1) for part in (thing.__code__, thing.__defaults__, thing.__kwdefaults__, cells)]
+    if isinstance(thing, functools.partial):
+        return [describe(part, depth - 1) for part in (thing.func, thing.args, thing.keywords)]
+    call = getattr(type(thing), "__call__", None)
+    parts = (call, vars(thing)) if isinstance(call, types.FunctionType) else ()
+    return [type(thing).__qualname__, *(describe(part, depth - 1) for part in parts)]
+
+
+class NoController(TypeError):
+    """A function that makes no controllers: no run is worth it."""
+
+
 class Task:
     """The common part of all runs of a sweep: plain values, so it can be sent to other machines."""
 
@@ -230,17 +278,22 @@ class Task:
     def run_controlled(self, row):
         """Metrics and the reason of one row of values, with a controller of its own."""
         values = dict(zip(self.paths, row.tolist()))
-        controller = self.controller(values)
-        if not callable(controller):
-            raise TypeError(f"controller: returned {str(controller)[:80]} for the values of a run; allowed: a function "
-                            "that returns the run's own controller, a function of a sample as `simulate` has it")
         duration, rate, times, commands, groups, metrics = self.arguments
+        where = "(in the run with " + ", ".join(f"{path}={value!r}" for path, value in values.items()) + ")"
         try:
+            controller = self.controller(values)
+            if not callable(controller):
+                raise NoController(f"controller: returned {str(controller)[:80]} {where}; allowed: a function that returns "
+                                   "the run's own controller, a function of a sample as `simulate` has it")
             result = simulate(self.scene, duration, rate=rate, times=times, commands=commands, columns=groups,
                               overrides={**(self.overrides or {}), **values}, controller=controller, period=self.period)
             return [calc_metric(kind, column, band, result) for kind, column, band in metrics], ""
-        except (SceneError, MotionStopped) as error:
-            return [math.nan] * len(metrics), str(error)
+        except NoController:
+            raise
+        except Exception as error:  # pylint: disable=broad-except
+            # Of the controller, too, which may raise any: the other runs go on.
+            kind = "" if isinstance(error, (SceneError, MotionStopped)) else f"{type(error).__name__}: "
+            return [math.nan] * len(metrics), f"{kind}{error} {where}"
 
     def run(self, values, threads, compiles):
         """Metrics (runs x metrics) and reasons of some rows of values."""
@@ -253,8 +306,11 @@ class Task:
     def fingerprint(self, values, shard):
         """A hash of everything that the runs depend on, every number to its last bit."""
         scene = _core._describe_scene(self.scene, self.overrides)
-        text = json.dumps([scene, [file_digest(name) for name in re.findall(r"^ +file: (.+)$", scene, re.MULTILINE)],
-                           self.paths, self.arguments, self.metrics, shard])
+        parts = [scene, [file_digest(name) for name in re.findall(r"^ +file: (.+)$", scene, re.MULTILINE)],
+                 self.paths, self.arguments, self.metrics, shard]
+        if self.controller is not None:
+            parts += [self.period, describe(self.controller)]
+        text = json.dumps(parts)
         return hashlib.sha256(text.encode() + values.tobytes()).hexdigest()
 
 
@@ -295,8 +351,9 @@ class Journal:
     def _open(path):
         """The journal itself, never through a link; what is no regular file is left alone."""
         try:
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK
-                                 | os.O_CLOEXEC, 0o666)
+            with writing(path):
+                descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK
+                                     | os.O_CLOEXEC, 0o666)
             if stat.S_ISREG(os.fstat(descriptor).st_mode):
                 return os.fdopen(descriptor, "a+", encoding="utf-8", errors="surrogateescape", newline="")
             os.close(descriptor)
@@ -314,19 +371,21 @@ class Journal:
 
     def add(self, runs, metrics, reasons):
         writer = csv.writer(self._file, lineterminator="\n")
-        for run, values, reason in zip(runs, metrics.tolist(), reasons):
-            reason = " ".join(reason.split())  # a line a run
-            self.rows[int(run)] = (values, reason)
-            writer.writerow([int(run), *values, reason])
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        with writing(self._path):
+            for run, values, reason in zip(runs, metrics.tolist(), reasons):
+                reason = " ".join(reason.split())  # a line a run
+                self.rows[int(run)] = (values, reason)
+                writer.writerow([int(run), *values, reason])
+            self._file.flush()
+            os.fsync(self._file.fileno())
 
     def remove(self):
         os.unlink(self._path)
         self._file.close()
 
     def close(self):
-        self._file.close()
+        with writing(self._path):
+            self._file.close()
 
 
 class Memory:
@@ -362,22 +421,38 @@ def write_table(table, path):
             write_rows(table, file)
 
 
-def read_table(*paths):
-    """One table of the outputs of a sweep, or of its shards, in the order of their runs."""
-    parts = []
-    for path in map(os.fspath, paths):
-        if path.endswith(".npz"):
-            with numpy.load(path) as arrays:
-                parts.append({name: arrays[name] for name in arrays.files})
-            continue
-        with open(path, encoding="utf-8", newline="") as file:
+def read_part(path):
+    """The columns of one file, by name."""
+    if path.endswith(".npz"):
+        with numpy.load(path) as arrays:
+            part = {name: arrays[name] for name in arrays.files}
+    else:
+        with open(path, encoding="utf-8-sig", newline="") as file:
             names, *rows = csv.reader(file)
+        if any(len(row) != len(names) for row in rows):
+            raise ValueError("a row has another number of values than the header")
         columns = zip(*rows) if rows else [[] for _ in names]
         kinds = {"run": int, "reason": str}
-        parts.append({name: numpy.array(column, dtype=kinds.get(name, float))
-                      for name, column in zip(names, columns)})
-    if any(list(part) != list(parts[0]) for part in parts):
-        raise ValueError("tables of different sweeps")
+        part = {name: numpy.array(column, dtype=kinds.get(name, float)) for name, column in zip(names, columns)}
+    if not {"run", "reason"} <= set(part):
+        raise ValueError("without the columns run and reason")
+    return part
+
+
+def read_table(*paths):
+    """One table of the outputs of a sweep, or of its shards, in the order of their runs."""
+    if not paths:
+        raise ValueError("read_table: no file; allowed: the outputs of a sweep, CSV or .npz")
+    parts = []
+    for path in map(os.fspath, paths):
+        try:
+            parts.append(read_part(path))
+        except (ValueError, csv.Error, zipfile.BadZipFile) as error:
+            raise ValueError(f"{path}: no table of a sweep ({error}); allowed: a CSV or .npz that a sweep has written") from None
+    for path, part in zip(paths, parts):
+        if list(part) != list(parts[0]):
+            raise ValueError(f"{os.fspath(path)}: of another sweep than {os.fspath(paths[0])}: its columns are "
+                             f"{', '.join(part)}; expected: {', '.join(parts[0])}")
     runs = numpy.concatenate([part["run"] for part in parts])
     if len(numpy.unique(runs)) != len(runs):
         raise ValueError("a run is in more than one of the tables")
@@ -420,7 +495,7 @@ def is_long(size, seconds, left, parts):
 
 
 def run_locally(task, values, runs, threads, finished):
-    first, size, compiles = 0, threads, False
+    first, size, compiles = 0, threads if task.controller is None else 1, False
     while first < len(runs):
         chunk = runs[first:first + size]
         start = time.monotonic()
@@ -428,7 +503,8 @@ def run_locally(task, values, runs, threads, finished):
         seconds = time.monotonic() - start
         first += len(chunk)
         compiles = compiles or is_long(len(chunk), seconds, len(runs) - first, 1)
-        size = chunk_size(len(chunk), seconds, len(runs) - first, 1)
+        if task.controller is None:
+            size = chunk_size(len(chunk), seconds, len(runs) - first, 1)
 
 
 def _run_remotely(task, values, compiles):
@@ -512,7 +588,7 @@ def sweep(scene, duration=None, *, grid=None, random=None, samples=1, seed=0, me
         random: distributions by path: {"load/inertia": "normal(2,0.1)"}.
         samples: random draws at each point of the grid.
         seed: of the random values, which are the same in every shard.
-        metrics: texts such as "final(load/velocity)": final, min, max, mean, settling of a column
+        metrics: a text, or texts, such as "final(load/velocity)": final, min, max, mean, settling of a column
             of `simulate`. Times count as sampled: all but final see what `rate` or `times` see.
         output: file ending in .npz, or a CSV. Interrupted, the same call goes on where it stood
             (into a device or a FIFO: from the beginning).
@@ -521,10 +597,12 @@ def sweep(scene, duration=None, *, grid=None, random=None, samples=1, seed=0, me
         scheduler: address of a Dask scheduler, "tcp://...": its workers run everything.
         progress: a line on standard error.
         controller: called with the values of each run by path; returns the run's own controller, a
-            function as of `simulate`. Runs are made one after the other then, and an interrupted sweep
-            begins anew.
+            function as of `simulate`. Runs are made one after the other then; one whose controller raises
+            is a row with its reason. An interrupted sweep goes on where the controller's code, and the values
+            that it was made with, are the same.
         period: of the controller, s of simulated time.
     """
+    metrics = [metrics] if isinstance(metrics, str) else list(metrics)
     check_output(output, scene, commands)
     regular = None if output is None else find_regular_file(output)
     threads = len(os.sched_getaffinity(0)) if threads is None else whole_number("threads", threads, 1, MOST_THREADS)
@@ -533,8 +611,7 @@ def sweep(scene, duration=None, *, grid=None, random=None, samples=1, seed=0, me
     part = whole_number("shard", shard[0], 1, parts)
     task = Task(scene, duration, rate, times, commands, overrides, paths, values, metrics, controller, period)
     wanted = numpy.arange(len(values))[part - 1::parts]
-    # (Nothing tells whether a controller is the one of the interrupted sweep.)
-    journal = Memory() if regular is None or controller is not None else Journal(
+    journal = Memory() if regular is None else Journal(
         f"{regular}.journal", task.fingerprint(values, (part, parts)), len(metrics))
     line = Progress(len(wanted), len(journal.rows), progress)
 
