@@ -6,6 +6,7 @@ import os
 import pathlib
 import subprocess
 import sys
+from unittest import mock
 
 os.environ["ROS_MASTER_URI"] = "http://localhost:1"
 
@@ -81,6 +82,36 @@ class OptimalMotionTest(SimulateTestCase):
             ratios = [float(row["value"]) for row in csv.DictReader(file) if row["topic"] == "ratio"]
         self.assertLess(np.abs(np.diff(ratios)).max(), 0.1 * 2.0 + 1e-6)
 
+    def test_interrupted(self):
+        """The best programme so far that satisfies the conditions is kept."""
+        whole, has_come = optimal.Problem.evaluate, []
+
+        def evaluate(problem, x):
+            if problem.best[1] is not None and not has_come:
+                has_come.append(True)
+                raise KeyboardInterrupt
+            return whole(problem, x)
+
+        subject = ["w_load(4.0) = 6.0", "phi_load(4.0) = 9.0"]
+        with mock.patch.object(optimal.Problem, "evaluate", evaluate), self.assertRaises(KeyboardInterrupt) as caught:
+            optimal.optimise(kinematic_start(), "wanted", "cost", subject, knots=16)
+        programme = caught.exception.programme
+        self.assertEqual(programme.message, "interrupted")
+        self.assertAlmostEqual(programme.result["load/velocity"][-1], 6.0, places=3)
+        self.assertAlmostEqual(programme.result["load/angle"][-1], 9.0, places=3)
+
+    def test_outputs_are_tried_before_the_search(self):
+        script = [sys.executable, str(FOLDER / "scripts" / "optimise"),
+                  str(FOLDER / "config" / "applications" / "optimal" / "optimal_start.yaml"), "--control", "ratio",
+                  "--minimise", "petrol", "--subject", "speed(20) = 80"]
+        for option in ("--output", "--picture"):
+            with self.subTest(option=option):
+                path = str(self.folder / "none" / "start.csv")
+                done = subprocess.run([*script, option, path], stderr=subprocess.PIPE, text=True, timeout=60, check=False,
+                                      env=self.environment)
+                self.assertEqual(done.returncode, 3, done.stderr)
+                self.assertIn(f"No such file or directory: '{path}'", done.stderr)
+
     def test_refused(self):
         scene = kinematic_start()
         for arguments, word in ((("wnted", "cost", ["w_load(2) = 1"]), "wanted"),
@@ -88,6 +119,22 @@ class OptimalMotionTest(SimulateTestCase):
                                 (("wanted", "cost", ["w_load(2) < 1"]), "<="), (("wanted", "cost"), "duration")):
             with self.subTest(arguments=arguments), self.assertRaisesRegex(ValueError, word):
                 optimal.optimise(scene, *arguments, knots=4)
+        good = dict(subject=["w_load(2) = 1"], knots=4)
+        for arguments, word in (
+                (dict(controls=["wanted", "wanted"]), "control: 'wanted' is given twice"),
+                (dict(minimise="cots"), "minimise: 'cots' .*did you mean 'cost'.*allowed: w_SHAFT"),
+                (dict(subject="w_lod(2) = 1"), r"subject: 'w_lod\(2\) = 1': 'w_lod' is no quantity"),
+                (dict(bounds={"wantd": (1, 2)}), "bounds: 'wantd' is no control .did you mean 'wanted'"),
+                (dict(bounds={"wanted": (2, 1)}), "bounds: 'wanted': from 2 to 1; allowed: the lower one first"),
+                (dict(bounds={"wanted": 2}), "bounds: 'wanted': 2; allowed: two numbers"),
+                (dict(bounds={"wanted": (-99, 1)}), "bounds: 'wanted': .*within the scene's limits, -50 to 50"),
+                (dict(start={"wanted": 99}), "start: 'wanted': 99; allowed: within its bounds, -50 to 50"),
+                (dict(start={"wantd": 9}), "start: 'wantd' is no control .did you mean 'wanted'"),
+                (dict(rates={"wantd": 9}), "rate: 'wantd' is no control .did you mean 'wanted'"),
+                (dict(rates={"wanted": float("nan")}), "rate: 'wanted': nan; allowed: a finite number > 0"),
+                (dict(knots=0), "knots: 0; allowed: a whole number >= 1")):
+            with self.subTest(arguments=arguments), self.assertRaisesRegex(ValueError, word):
+                optimal.optimise(scene, **{"controls": "wanted", "minimise": "cost", **good, **arguments})
         with self.assertRaisesRegex(RuntimeError, "no programme"):
             optimal.optimise(scene, "wanted", "cost", ["w_load(2) = 900"], knots=4)
 

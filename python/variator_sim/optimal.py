@@ -1,13 +1,13 @@
 """Programmes of commands that make a quantity of a run least, by SciPy's SLSQP and exact gradients of runs."""
 
 import dataclasses
-import difflib
 import math
 import re
 import warnings
 
 import numpy
 
+from variator_sim.checks import did_you_mean, finite, one_of, shown, whole_number
 from variator_sim.errors import MotionStopped
 from variator_sim.files import whole_file
 from variator_sim.running import read_commands, simulate
@@ -91,7 +91,7 @@ def read_subject(text):
                          "\"w_wheels(20) = 30\"; without (TIME) throughout") from None
 
 
-def column_of(name, columns):
+def column_of(name, columns, what="minimise"):
     """The column of a quantity: w_SHAFT, phi_SHAFT, e_SHAFT, a state, an output, or a column's name."""
     kind, _, shaft = name.partition("_")
     candidates = [name, f"states/{name}", f"outputs/{name}", f"{shaft}/{SHAFT_QUANTITIES.get(kind, '')}"]
@@ -99,9 +99,8 @@ def column_of(name, columns):
         if candidate in columns:
             return candidate
     known = [column.split("/", 1)[1] if column.startswith(("states/", "outputs/")) else column for column in columns]
-    near = difflib.get_close_matches(name, known, 1)
-    raise ValueError(f"'{name}' is no quantity with a gradient{f' (did you mean {near[0]!r}?)' if near else ''}; allowed: "
-                     + ", ".join(known))
+    raise ValueError(f"{what}: '{name}' is no quantity with a gradient{did_you_mean(name, known)}; allowed: w_SHAFT, phi_SHAFT, "
+                     f"e_SHAFT, {', '.join(known)}")
 
 
 class Problem:
@@ -121,6 +120,8 @@ class Problem:
         self.paths = [f"{control}@{time!r}" for control in controls for time in self.instants]
         self.runs = 0
         self.last = (None, None)
+        self.steps = None  # of `limit_steps`
+        self.best = (math.inf, None)  # cost and commands of the best run so far that satisfies all conditions
 
     def commands(self, x):
         values = (x * self.scale).reshape(len(self.controls), self.knots)
@@ -141,22 +142,27 @@ class Problem:
             raise RuntimeError(f"a programme on the way to the optimum stops the motion ({error}); narrower bounds or "
                                "rates, or another start, keep away from it") from None
 
-        def read(name, row):
-            column = column_of(name, [c for c in result.columns if f"d({c})/d({self.paths[0]})" in result.columns])
+        def read(name, row, what):
+            column = column_of(name, [c for c in result.columns if f"d({c})/d({self.paths[0]})" in result.columns], what)
             slope = numpy.array([result[f"d({column})/d({path})"][row] for path in self.paths]) * self.scale
             if not numpy.isfinite(slope).all():
                 raise RuntimeError(f"{column}: no derivative at {result.time[row]:g} s")
             return result[column][row], slope
 
-        cost, slope = read(self.minimise, -1)
+        cost, slope = read(self.minimise, -1, "minimise")
         conditions = []
         for subject in self.subjects:
             rows = range(len(self.times)) if subject.time is None else [self.times.index(subject.time)]
-            values, slopes = zip(*(read(subject.name, row) for row in rows))
+            values, slopes = zip(*(read(subject.name, row, f"subject: '{subject.text}'") for row in rows))
             conditions.append((numpy.array(values) - subject.value, numpy.array(slopes)))
         answer = (self.sign * cost, self.sign * slope, conditions)
         self.last = (x.copy(), answer)
+        if answer[0] < self.best[0] and self.misses(x) < 1e-5 and self.keeps_rates(x):
+            self.best = (answer[0], x.copy())
         return answer
+
+    def keeps_rates(self, x):
+        return self.steps is None or not len(self.steps[0]) or (self.steps[0] @ x <= self.steps[1] + 1e-6).all()
 
     def solve(self, start, bounds, steps, expand, tolerance):
         """SLSQP over y, x = expand y; `steps`: the largest change of each control from knot to knot."""
@@ -209,53 +215,65 @@ def optimise(scene, controls, minimise, subject=(), *, duration=None, knots=20, 
         minimise: the name of a state or an output, w_SHAFT, phi_SHAFT or e_SHAFT; with - in front: the largest.
         subject: conditions, texts such as "w_wheels(20) = 30" or, throughout, "w_engine <= 600".
         duration: s; left out, the last instant of `subject`.
-        bounds: least and largest command by topic, {"ratio": (0.06, 0.4)}; the scene's min and max hold as well.
+        bounds: least and largest command by topic, {"ratio": (0.06, 0.4)}, within the scene's min and max (the default).
         rates: the largest change by topic, per second.
         start: constant commands by topic that the search begins with; left out, the middle of the bounds.
         rate: samples per second of the results.
         tolerance: the relative change of the cost at which the search ends.
 
-    Returns a `Programme`. Raises ValueError, RuntimeError where no programme satisfies the conditions.
+    Returns a `Programme`. Raises ValueError, RuntimeError where no programme satisfies the conditions. A KeyboardInterrupt
+    has the best one so far that satisfies them as its `programme`, where there is one.
     """
     controls = [controls] if isinstance(controls, str) else list(controls)
     subjects = [read_subject(text) for text in ([subject] if isinstance(subject, str) else subject)]
     if duration is None:
         duration = max((s.time for s in subjects if s.time is not None), default=None)
-    if duration is None or not (math.isfinite(duration) and duration > 0.0):
-        raise ValueError(f"duration: {duration}; allowed: a finite number > 0 s; left out, the last instant of a condition")
+        if duration is None:
+            raise ValueError("duration: missing; it may be left out where a condition has an instant")
+    duration = finite("duration", duration, "s", above=0.0)
     for s in subjects:
         if s.time is not None and not 0.0 < s.time <= duration:
-            raise ValueError(f"subject: '{s.text}': outside of the run, 0 to {duration:g} s")
-    if int(knots) != knots or knots < 1 or not controls:
-        raise ValueError(f"knots: {knots}, controls: {controls}; allowed: one knot or more, one control or more")
-    problem = Problem(scene, float(duration), controls, int(knots), minimise, subjects, read_commands(commands), overrides,
-                      rate)
+            raise ValueError(f"subject: '{s.text}': outside of the run; allowed: after 0 s, until {duration:g} s")
+    if not controls:
+        raise ValueError("controls: none; allowed: one topic of a commanded input or more")
+    for control in controls:
+        if controls.count(control) > 1:
+            raise ValueError(f"control: '{control}' is given twice; allowed: each once")
+    problem = Problem(scene, duration, controls, whole_number("knots", knots, 1), minimise, subjects, read_commands(commands),
+                      overrides, rate)
     limits, first = read_limits(scene, overrides, controls, bounds or {}, start or {})
     problem.limits = limits
     problem.scale = numpy.repeat([max(abs(low), abs(high)) if math.isfinite(high - low) else 1.0
                                   for low, high in limits], problem.knots)
     repeat = numpy.kron(numpy.eye(len(controls)), numpy.ones((problem.knots, 1)))
     unit = problem.scale[::problem.knots]
+    problem.steps = limit_steps(problem, controls, rates or {})
     scaled = [(low / u, high / u) for (low, high), u in zip(limits, unit)]
-    constant = problem.solve(numpy.array(first) / unit, scaled, None, repeat, tolerance)
-    best_constant = repeat @ (constant.x if numpy.isfinite(constant.x).all() else numpy.array(first) / unit)
-    is_constant = problem.misses(best_constant) < 1e-6
-    constant_cost = problem.sign * problem.evaluate(best_constant)[0] if is_constant else math.nan
-    if not is_constant:  # no constant commands satisfy the conditions
-        best_constant = repeat @ (numpy.array(first) / unit)
-    steps = limit_steps(problem, controls, rates or {})
-    found = problem.solve(best_constant, [pair for pair in scaled for _ in range(problem.knots)], steps,
-                          numpy.eye(len(best_constant)), tolerance)
-    if problem.misses(found.x) > 1e-5 or (not found.success and not found.message.startswith("Iteration limit")):
-        raise RuntimeError(f"no programme that satisfies {', '.join(s.text for s in subjects)} was found ({found.message}); "
-                           "wider bounds, more time or another start may have one")
 
     def run(x):
         return simulate(scene, duration, rate=rate, commands=problem.commands(x), columns="state,outputs,states",
                         overrides=overrides)
 
-    return Programme(problem.minimise, problem.commands(found.x), problem.sign * problem.evaluate(found.x)[0], run(found.x),
-                     problem.commands(best_constant), constant_cost, run(best_constant), found.message, problem.runs)
+    def programme(x, best_constant, constant_cost, message):
+        return Programme(problem.minimise, problem.commands(x), problem.sign * problem.evaluate(x)[0], run(x),
+                         problem.commands(best_constant), constant_cost, run(best_constant), message, problem.runs)
+
+    best_constant, constant_cost = repeat @ (numpy.array(first) / unit), math.nan
+    try:
+        constant = problem.solve(numpy.array(first) / unit, scaled, None, repeat, tolerance)
+        found = repeat @ constant.x
+        if numpy.isfinite(found).all() and problem.misses(found) < 1e-6:  # else no constant commands satisfy the conditions
+            best_constant, constant_cost = found, problem.sign * problem.evaluate(found)[0]
+        found = problem.solve(best_constant, [pair for pair in scaled for _ in range(problem.knots)], problem.steps,
+                              numpy.eye(len(best_constant)), tolerance)
+    except KeyboardInterrupt as interrupt:
+        if problem.best[1] is not None:
+            interrupt.programme = programme(problem.best[1], best_constant, constant_cost, "interrupted")
+        raise
+    if problem.misses(found.x) > 1e-5 or (not found.success and not found.message.startswith("Iteration limit")):
+        raise RuntimeError(f"no programme that satisfies {', '.join(s.text for s in subjects)} was found ({found.message}); "
+                           "wider bounds, more time or another start may have one")
+    return programme(found.x, best_constant, constant_cost, found.message)
 
 
 def inputs_of(tree, found=None):
@@ -272,29 +290,38 @@ def read_limits(scene, overrides, controls, bounds, start):
     """Bounds and first values of the controls."""
     from variator_sim import _core
     inputs = inputs_of(_core.Simulation(scene, overrides).scene)
-    for name in {*bounds, *start, *controls}:
-        if name not in (inputs if name in controls else controls):
-            near = difflib.get_close_matches(name, inputs, 1)
-            raise ValueError(f"control: '{name}' is no commanded input that is optimised"
-                             f"{f' (did you mean {near[0]!r}?)' if near else ''}; commanded inputs: {', '.join(inputs)}")
+    for name in controls:
+        one_of("control", name, inputs, "commanded input of the scene")
+    for what, values in (("bounds", bounds), ("start", start)):
+        for name in values:
+            one_of(what, name, controls, "control")
     limits, first = [], []
     for name in controls:
-        low, high = bounds.get(name, (-math.inf, math.inf))
-        low = max(float(low), float(inputs[name].get("min", -math.inf)))
-        high = min(float(high), float(inputs[name].get("max", math.inf)))
+        least, greatest = float(inputs[name].get("min", -math.inf)), float(inputs[name].get("max", math.inf))
+        try:
+            low, high = bounds.get(name, (least, greatest))
+            low, high = float(low), float(high)
+        except (TypeError, ValueError):
+            raise ValueError(f"bounds: '{name}': {shown(bounds[name])}; allowed: two numbers, the lower one first") from None
         if not low < high:
-            raise ValueError(f"bounds: '{name}': from {low} to {high}; allowed: the lower one first")
+            raise ValueError(f"bounds: '{name}': from {low:g} to {high:g}; allowed: the lower one first")
+        if low < least or high > greatest:
+            raise ValueError(f"bounds: '{name}': from {low:g} to {high:g}; allowed: within the scene's limits, {least:g} to "
+                             f"{greatest:g}")
         middle = 0.5 * (low + high) if math.isfinite(high - low) else float(inputs[name].get("initial", 0.0))
+        value = finite(f"start: '{name}'", start[name]) if name in start else min(max(middle, low), high)
+        if not low <= value <= high:
+            raise ValueError(f"start: '{name}': {value:g}; allowed: within its bounds, {low:g} to {high:g}")
         limits.append((low, high))
-        first.append(min(max(float(start.get(name, middle)), low), high))
+        first.append(value)
     return limits, first
 
 
 def limit_steps(problem, controls, rates):
     """Rows and bounds of |u_(k+1) - u_k| <= rate h."""
     for name, value in rates.items():
-        if name not in controls or not value > 0.0:
-            raise ValueError(f"rate: {name}={value}; allowed: a number > 0 of one of {', '.join(controls)}")
+        one_of("rate", name, controls, "control")
+        finite(f"rate: '{name}'", value, "per second", above=0.0)
     n, h = problem.knots, problem.duration / problem.knots
     rows, limit = [], []
     for c, name in enumerate(controls):
