@@ -26,7 +26,7 @@ class SampleTable:
         self._values = numpy.full((FIRST_ROWS, len(self._names)), numpy.nan)
         self._next = dict.fromkeys(self._groups, 0)          # behind the last row that a group filled
         self._last_time = {}                                 # of a group, s
-        self._newest = {}                                    # of a group: its last values
+        self._newest = {}                                    # of a group: its last values, and their time
         self.version += 1
 
     def add_group(self, group, names):
@@ -52,7 +52,7 @@ class SampleTable:
             self._values[row, self._groups[group]] = values
             self._next[group] = row + 1
             self._last_time[group] = time
-            self._newest[group] = values
+            self._newest[group] = values, time
             self.version += 1
 
     def _find_row(self, group, stamp, time):
@@ -88,13 +88,18 @@ class SampleTable:
         """The last value of each column that has one."""
         with self._lock:
             found = {}
-            for group, values in self._newest.items():
+            for group, (values, _) in self._newest.items():
                 first = self._groups[group].start
                 for name in columns:
                     place = self._names.get(name, -1) - first
                     if 0 <= place < len(values) and math.isfinite(values[place]):
                         found[name] = values[place]
             return found
+
+    def latest_times(self):
+        """Group: the time of its last values, s. Groups come while they are shown, so some may be old."""
+        with self._lock:
+            return {group: time for group, (_, time) in self._newest.items()}
 
     def window(self, columns, begin=-numpy.inf, end=numpy.inf):
         """(stamps, times, values) of the columns for begin <= time <= end; values row by row."""

@@ -248,7 +248,7 @@ class Browser(Guarded, tornado.websocket.WebSocketHandler):
         rows of the window as float64, column by column, time first."""
         table = link.table
         head = self.application.describe_status()
-        head["latest"] = table.latest(self.latest)
+        head["latest"], head["latest_times"] = table.latest(self.latest), table.latest_times()
         rows = b""
         if not self._has_told(table):
             self.told_table = (table.version, table)

@@ -44,6 +44,7 @@ from sample_table import SampleTable, decimate
 from server import Server
 from support.browser import Browser, find_browser
 from support.node_client import PATIENCE, NodeClient, wait_for
+from variator_sim.nodes import drivetrains
 
 SCENE = PACKAGE / 'test/scenes/observed.yaml'
 NODE = roslib.packages.find_node('variator_sim', 'variator_sim_node')[0]
@@ -61,9 +62,10 @@ def die_with_parent():
 class Drivetrain:
     """A node that can be killed and started again."""
 
-    def __init__(self, name, **settings):
+    def __init__(self, name, scene=None, **settings):
         self.name = name
-        rosparam.upload_params('/' + name, {**rosparam.load_file(str(SCENE))[0][0], **settings})
+        scene = scene or rosparam.load_file(str(SCENE))[0][0]
+        rosparam.upload_params('/' + name, {**scene, **settings})
         self.start()
 
     def start(self):
@@ -73,6 +75,22 @@ class Drivetrain:
     def kill(self):
         self.process.kill()
         self.process.wait()
+
+
+def many_shafts():
+    """A scene of 64 shafts with a torque each, and of 31 inputs, one of them with far limits."""
+    shafts = [f'shaft_number_{n}' for n in range(64)]
+    inputs = [f'input_{n}' for n in range(31)]
+    scene = {'shafts': shafts, 'inputs': inputs, 'torques': ['at_' + shaft for shaft in shafts],
+             'initial': {'velocity': [1.0 + n % 9 for n in range(64)]}}
+    for n, shaft in enumerate(shafts):
+        scene[shaft] = {'inertia': 1.0}
+        scene['at_' + shaft] = {'type': 'variator_sim/ExpressionTorque', 'shaft': shaft,
+                                'torque': f'{n - 20} + 1e-9*input_{n % 31}'}
+    for n, name in enumerate(inputs):
+        limit = 1e7 if n == 0 else 100.0
+        scene[name] = {'topic': name, 'initial': 5.0, 'min': -limit, 'max': limit}
+    return scene
 
 
 class PanelProcess:
@@ -184,6 +202,7 @@ class TableTest(unittest.TestCase):
         self.assertEqual(times.tolist(), [0.1, 0.2, 0.3])
         self.assertEqual(values.tolist(), [[2, 5], [4, 6], [9, 7]])
         self.assertEqual(table.latest(['a', 'c', 'no']), {'a': 8, 'c': 7})
+        self.assertEqual(table.latest_times(), {'state': 0.3, 'inputs': 0.3})
 
     def test_time_that_jumps_back_begins_anew(self):
         table = SampleTable()
@@ -354,6 +373,17 @@ class ServerTest(unittest.TestCase):
                     stranger.close()
                 resource.prlimit(panel.process.pid, resource.RLIMIT_NOFILE, before)
                 self.assertEqual(panel.get()[0], 200)
+
+    def test_a_node_that_was_killed_is_no_choice(self):
+        """The master goes on listing it."""
+        dead = Drivetrain('dead')
+        wait_for(lambda: '/dead' in drivetrains(), 'a second node')
+        dead.kill()
+        self.assertIn('/dead/status', dict(rospy.get_master().getTopicTypes()[2]))
+        self.assertEqual(drivetrains(), ['/served'])
+        panel = PanelProcess()
+        self.addCleanup(panel.close)
+        self.assertEqual(panel.get()[0], 200)
 
     def test_a_token_is_asked_for(self):
         panel = PanelProcess('--node', '/served', '--token', 'secret')
@@ -548,6 +578,45 @@ class PageTest(unittest.TestCase):
         page.wait('(() => { const f = parseFloat(document.querySelector(".force").textContent'
                   f'.replace("in force ", "")); return Math.abs(f - {wanted}) < 1e-3 * '
                   f'Math.max(1, {abs(wanted)}); }})()', f'the new {topic} in force')
+
+    def test_powers_tell_their_time(self):
+        """Of a simulation that stands they may be as old as the last look at them."""
+        page = self.page
+        old = 'document.querySelector("#flow-old").textContent'
+        page.wait('document.querySelectorAll(".curve canvas").length >= 8', 'four plots')
+        page.wait('Number(document.querySelector("#time").textContent) > 1.0', 'time that goes on')
+        page.run('new Promise((done) => setTimeout(done, 1500))')
+        page.click('#pause')
+        self.addCleanup(self.client.trigger, 'resume')
+        self.wait_for_state('PAUSED')
+        page.click('[data-view=energy]')
+        page.wait(f'{old}.includes("Not the state of now")', 'a word of their age')
+        stands, shown = float(page.text('#time')), float(page.text('#flow-time').split()[0])
+        self.assertLess(shown, stands - 1.0)
+        self.assertIn(f'{stands:.3f} s', page.text('#flow-old'))
+        page.click('#step')
+        page.wait(f'{old} === "" && Math.abs(parseFloat(document.querySelector("#flow-time").textContent) '
+                  '- Number(document.querySelector("#time").textContent)) < 1e-9', 'the powers of the step')
+
+    def test_many_shafts_and_inputs_have_room(self):
+        node = Drivetrain('wide', many_shafts())
+        self.addCleanup(node.kill)
+        panel = PanelProcess('--node', '/wide')
+        self.addCleanup(panel.close)
+        page = self.page
+        page.open(panel.root)
+        page.wait('document.querySelectorAll(".curve canvas").length >= 8', 'four plots')
+        self.assertIn('and 55 more', page.text('.legend'))
+        page.wait('[...document.querySelectorAll(".plot")].every((plot) => 2 * plot.querySelector(".curve").clientHeight '
+                  '> plot.clientHeight)', 'curves in half of their plots')
+        page.wait('document.querySelector(".input input[type=number]").value === "5"', 'the value of the first input')
+        page.click('[data-view=energy]')
+        page.wait('document.querySelectorAll("#flow .watt").length === 18', 'nine bars on each side')
+        overlaps = page.run('(() => { const boxes = [...document.querySelectorAll("#flow text")].map((text) => '
+                            'text.getBBox()); return boxes.filter((a, i) => boxes.some((b, k) => k < i && a.x < b.x + '
+                            'b.width && b.x < a.x + a.width && a.y + 4 < b.y + b.height && b.y + 4 < a.y + a.height))'
+                            '.length; })()')
+        self.assertEqual(overlaps, 0)
 
     def test_death_and_return_of_the_node_are_shown(self):
         page = self.page

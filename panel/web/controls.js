@@ -5,6 +5,8 @@ const STATES = ["RUNNING", "PAUSED", "SLEEPING", "STOPPED"];
 const STATUS = [["steps", "steps"], ["rejected_steps", "rejected steps"], ["jumps", "jumps"], ["ticks", "ticks"],
   ["overruns", "overruns"], ["commands_accepted", "commands"], ["commands_clamped", "clamped"],
   ["commands_refused", "refused"]];
+const GOING = ["RUNNING", "SLEEPING"];
+export const isGoing = (status) => GOING.includes(STATES[status.state]);
 const SENDING = 1000 / 30;  // ms between two commands of one slider
 
 class Input {
@@ -65,7 +67,7 @@ class Input {
     this.force.textContent = `in force ${show(value)}`;
     if (this.untouched) {
       this.slider.value = value;
-      const shown = Math.abs(value) < 1e-6 * (this.max - this.min) ? 0 : Number(value.toPrecision(4));
+      const shown = Math.abs(value) < 1e-12 * (this.max - this.min) ? 0 : Number(value.toPrecision(4));
       if (document.activeElement !== this.field) this.field.value = shown;
     }
   }
@@ -123,7 +125,7 @@ export class Controls {
   }
 
   enable(state) {
-    const going = state === "RUNNING" || state === "SLEEPING";
+    const going = GOING.includes(state);
     this.$("pause").disabled = !going;
     this.$("resume").disabled = state !== "PAUSED";
     this.$("step").disabled = state !== "PAUSED";

@@ -4,6 +4,9 @@ import {show} from "./plots.js";
 const SVG = "http://www.w3.org/2000/svg";
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999933", "#666666"];
 const LEFT = 250, RIGHT = 710, WIDTH = 26, TOP = 24, HEIGHT = 400, GAP = 14;
+const MOST = 9;      // bars of one side
+const LABEL = 32;    // height of a label of two lines
+const LONGEST = 30;  // letters of a name that fit beside a bar
 
 function shape(name, words) {
   const element = document.createElementNS(SVG, name);
@@ -26,16 +29,30 @@ function powers(latest, torques) {
   return [...known, ["kinetic energy", -sum]].map(([name, value], i) => [name, value, COLOURS[i % COLOURS.length]]);
 }
 
+// The greatest of one side, the others as one.
+function gather(flows) {
+  if (flows.length <= MOST) return flows;
+  const order = [...flows].sort((a, b) => Math.abs(b[1]) - Math.abs(a[1]));
+  const kept = new Set(order.slice(0, MOST - 1));
+  const rest = order.slice(MOST - 1);
+  return [...flows.filter((flow) => kept.has(flow)),
+    [`${rest.length} others`, rest.reduce((sum, [, value]) => sum + value, 0), "#9aa5b0"]];
+}
+
+// Of one side: from the top, each bar in the middle of a place that has room for its label; `middle` is where its band
+// leaves the bar between both sides.
 function side(flows, total, x, anchor) {
-  // Bars of one side, from the top; `offset` is where their bands leave the middle.
-  const height = (HEIGHT - GAP * Math.max(0, flows.length - 1)) / total;
-  let y = TOP, offset = TOP;
-  const middle = HEIGHT / total;
+  const place = (value, scale) => Math.max(Math.abs(value) * scale + GAP, LABEL);
+  const room = (scale) => flows.reduce((sum, [, value]) => sum + place(value, scale), 0);
+  let scale = HEIGHT / total;
+  for (let i = 0, step = scale / 2; i < 30; ++i, step /= 2) scale += room(scale) > HEIGHT + GAP ? -step : step;
+  scale = Math.min(scale, HEIGHT / total);
+  let y = TOP - GAP / 2, offset = TOP;
   return flows.map(([name, value, colour]) => {
-    const bar = {name, value, colour, x, anchor, y, size: Math.abs(value) * height, middle: offset,
-      middleSize: Math.abs(value) * middle};
-    y += bar.size + GAP;
-    offset += bar.middleSize;
+    const size = Math.abs(value) * scale, middleSize = Math.abs(value) * HEIGHT / total;
+    const bar = {name, value, colour, x, anchor, y: y + (place(value, scale) - size) / 2, size, middle: offset, middleSize};
+    y += place(value, scale);
+    offset += middleSize;
     return bar;
   });
 }
@@ -57,18 +74,19 @@ export function drawFlow(svg, table, latest, torques) {
   const total = brings.reduce((sum, [, value]) => sum + value, 0);
   const parts = [];
   if (!(total > 0)) {
-    parts.push(text({x: 480, y: 220, "text-anchor": "middle"}, "no power flows"));
+    parts.push(text({x: 480, y: 220, "text-anchor": "middle"}, all.length > 1 ? "no power flows" : "nothing has come yet"));
   } else {
     const taken = -takes.reduce((sum, [, value]) => sum + value, 0);
     const middle = 480 - WIDTH / 2;
-    const bars = [...side(brings, total, LEFT, "end"), ...side(takes, Math.max(taken, 1e-12), RIGHT, "start")];
+    const bars = [...side(gather(brings), total, LEFT, "end"), ...side(gather(takes), Math.max(taken, 1e-12), RIGHT, "start")];
     for (const bar of bars) {
       const left = bar.anchor === "end";
       parts.push(left ? band(bar, bar.x + WIDTH, middle) : band(bar, bar.x, middle + WIDTH));
       parts.push(shape("rect", {x: bar.x, y: bar.y, width: WIDTH, height: Math.max(bar.size, 1), fill: bar.colour}));
       const x = left ? bar.x - 10 : bar.x + WIDTH + 10;
       const y = bar.y + bar.size / 2;
-      parts.push(text({x, y: y - 2, "text-anchor": bar.anchor}, bar.name));
+      const name = bar.name.length > LONGEST ? bar.name.slice(0, LONGEST - 1) + "…" : bar.name;
+      parts.push(text({x, y: y - 2, "text-anchor": bar.anchor}, name));
       parts.push(text({x, y: y + 14, "text-anchor": bar.anchor, class: "watt"}, show(Math.abs(bar.value)) + " W"));
     }
     parts.push(shape("rect", {x: middle, y: TOP, width: WIDTH, height: HEIGHT, fill: "#22303d"}));

@@ -1,6 +1,6 @@
 // The page: one WebSocket, a frame at a time. The next is asked for when the last one is drawn.
 import {Board} from "./plots.js";
-import {Controls} from "./controls.js";
+import {Controls, isGoing} from "./controls.js";
 import {drawFlow} from "./energy.js";
 import {saveData, savePicture} from "./save.js";
 
@@ -73,13 +73,28 @@ function showEquations(text) {
   }
 }
 
+// The node publishes powers while they are looked at and time goes on; what came before may be old.
+function tellFlowTime(frame) {
+  const times = [frame.latest_times.elements, frame.latest_times.energy].filter(Number.isFinite);
+  const [first, last] = [Math.min(...times), Math.max(...times)].map((time) => time.toFixed(3) + " s");
+  $("flow-time").textContent = !times.length ? "–" : first === last ? last : `${first} and ${last}`;
+  const {status} = frame;
+  const stands = !frame.alive || (status && !isGoing(status));
+  const isOld = stands && status && times.length && status.time - Math.min(...times) > 1e-6;
+  $("flow-old").textContent = isOld ? `Not the state of now, ${status.time.toFixed(3)} s: the simulation stands, and its powers come again ` +
+    "when it is stepped, resumed or reset." : "";
+}
+
 function take(buffer) {
   const size = new DataView(buffer).getUint32(0, true);
   const frame = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
   if (!held) newest = frame.newest;
   controls.tell(frame);
   $("nothing").hidden = view !== "plots" || newest !== null;
-  if (view === "energy" && scene) drawFlow($("flow"), $("account"), frame.latest, scene.torques);
+  if (view === "energy" && scene) {
+    tellFlowTime(frame);
+    drawFlow($("flow"), $("account"), frame.latest, scene.torques);
+  }
   if (frame.rows === undefined || view !== "plots") return;
   const column = (i) => new Float64Array(buffer, 4 + size + 8 * i * frame.rows, frame.rows);
   const series = new Map(frame.columns.map((name, i) => [name, column(i + 1)]));

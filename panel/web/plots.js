@@ -10,6 +10,7 @@ const WORDS = {angle: "Angle", velocity: "Speed", acceleration: "Acceleration", 
 const MODES = new Map([[0, ["stuck", "#0072B2", "#fff"]], [1, ["forward", "#E69F00", "#000"]], [-1, ["backward", "#CC79A7", "#000"]],
   [2, ["free", "#dde2e7", "#000"]]]);
 const BAND = 14;  // px
+const MOST_CHIPS = 9;   // names above a plot: more would leave no room for the curves
 const FIRST = ["velocity", "applied_torque", "acceleration", "reaction_torque"];
 const FLAT = 1e-6;  // in the unit of the quantity
 // Quantities whose columns have units of their own: one column a plot, at first.
@@ -60,7 +61,8 @@ class Plot {
     this.title = !first ? "nothing" : single ? first.name : WORDS[first.quantity] ?? first.quantity;
     this.unit = first?.unit ?? "";
     const title = make("h3", {}, this.title, make("small", {}, this.unit ? `, ${this.unit}` : ""));
-    this.chips = columns.map((column, i) => {
+    this.count = columns.length;
+    this.chips = columns.slice(0, MOST_CHIPS).map((column, i) => {
       const chip = make("span", {className: "chip"}, make("i"), this.brief(column), make("output"));
       chip.firstChild.style.background = COLOURS[i % COLOURS.length];
       return chip;
@@ -69,7 +71,9 @@ class Plot {
     pick.onclick = () => this.togglePicker();
     const close = make("button", {textContent: "✕", title: "Close this plot"});
     close.onclick = () => this.board.remove(this);
-    this.head = make("div", {className: "head"}, make("div", {className: "legend"}, title, ...this.chips),
+    const more = columns.slice(MOST_CHIPS);
+    const rest = more.length ? [make("small", {title: more.map((column) => this.brief(column)).join("\n")}, `and ${more.length} more`)] : [];
+    this.head = make("div", {className: "head"}, make("div", {className: "legend"}, title, ...this.chips, ...rest),
       make("div", {className: "tools"}, pick, close));
     this.canvas = make("div");
     this.element.replaceChildren(this.head, make("div", {className: "curve"}, this.canvas));
@@ -229,7 +233,7 @@ export class Board {
       }
     }
     this.chooser.replaceChildren(...options);
-    if (this.key === key) return this.plots.forEach((plot) => plot.columns().length !== plot.chips.length && plot.build());
+    if (this.key === key) return this.plots.forEach((plot) => plot.columns().length !== plot.count && plot.build());
     this.key = key;
     this.plots.forEach((plot) => plot.close());
     this.plots = [];
