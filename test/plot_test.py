@@ -3,6 +3,7 @@
 
 import os
 import pathlib
+import signal
 import subprocess
 import tempfile
 from unittest import mock
@@ -123,6 +124,11 @@ class PlotTest(TestCase):
                                   ("header.csv", "time,a\n", "no samples"),
                                   ("short.csv", "time,a\n0,1\n1\n", "line 3: 1 values"),
                                   ("words.csv", "time,a\n0,x\n", "line 2"),
+                                  ("semicolons.csv", "time;a\n0;1\n", "separated by semicolons"),
+                                  ("other.csv", "t,a\n0,1\n", "not time but 't'"),
+                                  ("twice.csv", "time,a,a\n0,1,2\n", "the column 'a' is there more than once"),
+                                  ("bare.csv", "time\n0\n1\n", "no column but time"),
+                                  ("far.csv", "time,a/velocity\n0,1\n1,1e308\n", "a (Speed, rad/s): 1e+308 at 1 s is too large"),
                                   ("no.bag", "what is this", "no.bag")]:
             path = self.folder / name
             path.write_text(text, encoding="utf-8")
@@ -133,6 +139,27 @@ class PlotTest(TestCase):
         (self.folder / "fields.bag").write_bytes(
             whole.read_bytes().replace(b"float64[] velocity", b"float64[] velosity"))
         self.check_refused(["fields.bag", "--output", "x.png"], "fields.bag: damaged")
+
+    def test_a_mark_of_order_and_one_sample(self):
+        path = self.folder / "marked.csv"
+        path.write_text("\ufefftime,a/velocity\n0,2\n", encoding="utf-8")
+        run = variator_sim.read_run(path)
+        self.assertEqual(run.columns, ["time", "a/velocity"])
+        _, axes = run.plot()
+        self.assertEqual(axes[0].get_lines()[0].get_marker(), "o")
+
+    def test_ctrl_c_while_a_file_is_read(self):
+        fifo = self.folder / "fifo.csv"
+        os.mkfifo(fifo)
+        process = subprocess.Popen([str(FOLDER / "scripts/plot"), str(fifo), "--output", "x.png"], cwd=self.folder, text=True,
+                                   stderr=subprocess.PIPE)
+        with open(fifo, "w", encoding="utf-8") as file:  # it opens the other end to read
+            file.write("time,a\n0,")
+            file.flush()
+            process.send_signal(signal.SIGINT)
+            self.assertEqual(process.wait(60), 130)
+        self.assertEqual(process.stderr.read(), "plot: interrupted\n")
+        process.stderr.close()
 
     # --- differences ------------------------------------------------------------------------------
 
@@ -195,8 +222,10 @@ class PlotTest(TestCase):
         (self.folder / "none/matplotlib.py").write_text("raise ImportError", encoding="utf-8")
         with mock.patch.dict(os.environ, PYTHONPATH=f"{self.folder / 'none'}:{os.environ['PYTHONPATH']}"):
             self.check_refused(["run.csv", "--output", "x.png"], "apt install python3-matplotlib")
-        self.check_refused(["run.csv", "--output", "x.what"], "what")
-
+        self.check_refused(["run.csv", "--output", "x.what"], "what", "allowed: .png, .pdf, .svg")
+        self.check_refused(["run.csv", "--output", "picture"], "'picture' does not end in", ".png")
+        self.check_refused(["run.csv", "--output", "x.pgn"], "did you mean 'png'")
+        self.assertFalse((self.folder / "picture.png").exists())
 
     # --- the flow of energy ----------------------------------------------------------------------
 
@@ -328,6 +357,7 @@ class PlotTest(TestCase):
             self.assertGreater((self.folder / "plane.png").stat().st_size, 10000)
             (self.folder / "plane.png").unlink()
         for words, expected in [(["steps.csv", "--acceleration-plane"], "--scene SCENE.yaml"),
+                                (["steps.bag", "--acceleration-plane", "--shafts", "load", "driv"], "did you mean 'drive'"),
                                 (["steps.bag", "--instants", "0,x"], "0,x"),
                                 (["steps.bag", "--acceleration-plane", "--instants", "2"], "from 0 to 1 s")]:
             with self.subTest(words=words):

@@ -34,6 +34,18 @@ class ProgramsTest(TestCase):
                 self.assertNotEqual(done.returncode, 0)
                 self.assertIn("No space left on device", done.stderr)
 
+    def test_what_cannot_be_printed_is_told(self):
+        """By the name of the output, with the exit status of simulate."""
+        ship, run_of_it = FOLDER / "config/ship.yaml", FOLDER / "examples/optimise/recording.csv"
+        with tempfile.TemporaryDirectory() as folder:
+            for words in (["scene_urdf", ship],
+                          ["sweep", ship, "--duration", "0.1", "--metric", "final(load/velocity)"],
+                          ["plot", run_of_it, run_of_it, "--columns", "*", "--compare", "--output", folder + "/x.png"]):
+                with self.subTest(words=words), open("/dev/full", "w", encoding="utf-8") as full:
+                    done = run(FOLDER / "scripts" / words[0], *words[1:], stdout=full)
+                    self.assertEqual((done.returncode, done.stderr.count("\n")), (3, 1), done.stderr)
+                    self.assertRegex(done.stderr, f"^{words[0]}: .*standard output")
+
     def test_what_is_missing_is_told(self):
         """In one line, by name."""
         for name in NEEDING_THE_PACKAGE:

@@ -67,7 +67,7 @@ class Input {
     this.force.textContent = `in force ${show(value)}`;
     if (this.untouched) {
       this.slider.value = value;
-      const shown = Math.abs(value) < 1e-12 * (this.max - this.min) ? 0 : Number(value.toPrecision(4));
+      const shown = Math.abs(value) < 1e-6 * Math.min(1, this.max - this.min) ? 0 : Number(value.toPrecision(4));
       if (document.activeElement !== this.field) this.field.value = shown;
     }
   }

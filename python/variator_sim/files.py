@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import os
 import stat
+import sys
 
 
 def find_regular_file(path):
@@ -36,6 +37,20 @@ def writing(path):
     except OSError as error:
         error.filename = error.output = os.fspath(path)
         raise
+
+
+@contextlib.contextmanager
+def printing():
+    """What is printed in here is on its way at the end; a reader that has seen enough is no error."""
+    try:
+        with writing("standard output"):
+            yield
+            sys.stdout.flush()
+    except OSError as error:
+        # What is left in the buffer must not fail once more when the program ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            raise
 
 
 def check_writable(path):

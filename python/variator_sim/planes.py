@@ -6,6 +6,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap, Normalize
 
 from variator_sim._core import Simulation
+from variator_sim.checks import one_of
+from variator_sim.plotting import save
 
 # Without its end, a yellow that white paper swallows.
 TIMES = ListedColormap(plt.get_cmap("viridis")(numpy.linspace(0.0, 0.88, 256)), "times")
@@ -97,8 +99,7 @@ def choose_planes(simulation, motion, shafts):
     planes = [Plane(simulation, m, None) for m, order in enumerate(simulation.orders) if order < 3]
     if shafts is not None:
         for shaft in shafts:
-            if shaft not in simulation.shafts:
-                raise ValueError(f"'{shaft}' is no shaft of this scene; allowed: {', '.join(simulation.shafts)}")
+            one_of("shafts", shaft, simulation.shafts, "shaft of this scene")
         if len(set(shafts)) != 2:
             raise ValueError("shafts: two different ones make a plane")
     weights = numpy.zeros((len(planes), len(simulation.shafts)))
@@ -192,6 +193,5 @@ def plot_acceleration_plane(result, scene, instants=None, shafts=None, title="",
         view = choose_view(motion.acceleration[:, plane.shafts]) if limits is None else (limits, True)
         draw_plane(axis, plane, motion, view, colours)
     figure.colorbar(colours, ax=list(axes[0]), label="Simulated time, s", pad=0.02)
-    if path is not None:
-        figure.savefig(path, dpi=110)
+    save(figure, path)
     return figure, axes[0]

@@ -1,11 +1,14 @@
 """Pictures of runs, the same from Python and from the command line (needs matplotlib)."""
 
 import fnmatch
+import os
 
 import matplotlib.pyplot as plt
 import numpy
 from matplotlib.ticker import MaxNLocator
 
+from variator_sim.checks import did_you_mean
+from variator_sim.files import writing
 from variator_sim.recordings import difference
 
 # Wong's palette: told apart by colour-blind readers too.
@@ -22,6 +25,7 @@ MODES = ((0, "stuck", "#0072B2", "white"), (1, "forward", "#E69F00", "black"), (
          (2, "free", "0.88", "black"))
 # More lines than these are told apart by a scale of colours, with some of their names.
 MANY = 12
+MOST = 1e150  # beyond, Matplotlib's own sums of squares overflow
 DEFAULT = ("velocity", "acceleration", "applied_torque", "reaction_torque_rate")
 
 
@@ -32,10 +36,38 @@ def style_of(i, count):
     return {"color": COLOURS[i % len(COLOURS)], "linewidth": 1.6, "linestyle": ("-", "--")[i // len(COLOURS)]}
 
 
+def check_picture(path):
+    """`path`, where its ending is one of a format that can be written."""
+    formats = plt.Figure().canvas.get_supported_filetypes()
+    ending = os.path.splitext(os.fspath(path))[1]
+    if ending[1:].lower() not in formats:
+        raise ValueError(f"'{os.fspath(path)}' does not end in the name of a format{did_you_mean(ending[1:], formats)}; "
+                         f"allowed: .png, .pdf, .svg, and .{', .'.join(sorted(set(formats) - {'png', 'pdf', 'svg'}))}")
+    return path
+
+
+def save(figure, path):
+    """Writes the picture; None: nothing."""
+    if path is not None:
+        with writing(check_picture(path)):
+            figure.savefig(path, dpi=110)
+
+
+def check_size(name, times, values):
+    """Raises ValueError where values are too large to draw."""
+    far = numpy.abs(values) > MOST
+    if numpy.any(far & numpy.isfinite(values)):
+        place = int(numpy.argmax(far))
+        raise ValueError(f"{name}: {values[place]:g} at {times[place]:g} s is too large to draw; allowed: up to {MOST:g}")
+
+
 def draw_lines(axis, lines, label):
-    """Lines (name, times, values) over simulated time in one panel."""
+    """Lines (name, times, values) over simulated time in one panel; a point where there is one value only."""
     for i, (name, times, values) in enumerate(lines):
-        axis.plot(times, values, label=name, **style_of(i, len(lines)))
+        values = numpy.asarray(values, dtype=float)
+        check_size(f"{name} ({' '.join(label.split())})", times, values)
+        marker = "o" if numpy.count_nonzero(numpy.isfinite(values)) == 1 else None
+        axis.plot(times, values, label=name, marker=marker, **style_of(i, len(lines)))
     axis.set_ylabel(label)
     axis.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
     axis.grid(True, color="0.9")
@@ -121,7 +153,12 @@ def choose_columns(runs, patterns=None):
     first = runs[0]
     common = [name for name in first if name != "time" and all(name in run for run in runs)]
     if patterns is None:
-        return [name for name in common if name.rsplit("/", 1)[-1] in DEFAULT]
+        chosen = [name for name in common if name.rsplit("/", 1)[-1] in DEFAULT]
+        if not chosen:
+            raise ValueError("no speeds, accelerations or torques to draw; "
+                             + (f"name some of the columns (--columns): {', '.join(common)}" if common else
+                                "no columns but the time are in common" if len(runs) > 1 else "the run has no column but time"))
+        return chosen
     chosen = []
     for pattern in [patterns] if isinstance(patterns, str) else patterns:
         found = fnmatch.filter(common, pattern)
@@ -156,8 +193,6 @@ def compare(runs, columns=None, title="", path=None, differences=True):
     """
     names = list(runs)
     columns = choose_columns(list(runs.values()), columns)
-    if not columns:
-        raise ValueError("these runs have no columns in common to draw; name some")
     figure, axes = make_panels(len(columns), 2 if differences else 1, title)
     for row, column in zip(axes, columns):
         unit = runs[names[0]].units.get(column)
@@ -171,14 +206,15 @@ def compare(runs, columns=None, title="", path=None, differences=True):
     put_legend_above(axes[0][0])
     for side in axes.T:
         figure.align_ylabels(side)
-    if path is not None:
-        figure.savefig(path, dpi=110)
+    save(figure, path)
     return figure, axes
 
 
 def stack(axis, times, parts, sign):
     """Bands of one sign, each on the one before; returns the names of those that can be seen."""
     base = numpy.zeros(len(times))
+    for name, values in parts:
+        check_size(name, times, values)
     least = 1e-6 * max(numpy.max(numpy.abs(values)) for _, values in parts)
     names = []
     for i, (name, values) in enumerate(parts):
@@ -226,8 +262,7 @@ def plot_energy(result, title="", path=None):
              for i, (name, _) in enumerate(parts) if name in drawn]
     handles, names = zip(*bands, (line, "into kinetic energy"))
     axis.legend(handles, names, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, ncol=4)
-    if path is not None:
-        figure.savefig(path, dpi=110)
+    save(figure, path)
     return figure, axis
 
 
@@ -260,6 +295,5 @@ def plot(result, columns=None, title="", path=None):
         if [line[0] for line in lines] != names:  # a legend serves all panels below
             names = [line[0] for line in lines]
             put_legend_above(axis)
-    if path is not None:
-        figure.savefig(path, dpi=110)
+    save(figure, path)
     return figure, axes

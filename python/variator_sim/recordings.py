@@ -6,6 +6,7 @@ import re
 
 import numpy
 
+from variator_sim.checks import shown
 from variator_sim.running import Result, units_of
 
 STATE = ("angle", "velocity", "acceleration", "applied_torque", "reaction_torque",
@@ -26,11 +27,17 @@ def read_run(path):
 
 
 def read_csv(path):
-    with open(path, encoding="utf-8", newline="") as file:
+    with open(path, encoding="utf-8-sig", newline="") as file:
         rows = csv.reader(file)
         columns = next(rows, [])
         if not columns or columns[0] != "time":
-            raise ValueError(f"{path}: the first column is not time")
+            header = ",".join(columns)
+            hint = "; its columns are separated by semicolons: commas are needed, and points in numbers" if ";" in header else ""
+            raise ValueError(f"{path}: the first column is not time but {shown(columns[0] if columns else '')}{hint}; allowed: "
+                             "a CSV of `simulate`, with the header time,SHAFT/velocity,..")
+        for name in columns:
+            if columns.count(name) > 1:
+                raise ValueError(f"{path}: the column '{name}' is there more than once; allowed: each name once")
         values = []
         for row in rows:
             try:
