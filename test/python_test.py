@@ -185,6 +185,12 @@ class PythonTest(TestCase):
                 (lambda: variator_sim.simulate(FREE, 1, controller=5), ValueError, "a function"),
                 (lambda: variator_sim.simulate(FREE, 1, controller=lambda s: 5.0), TypeError, "5.0; allowed: a dict"),
                 (lambda: variator_sim.simulate(FREE, 1, controller=lambda s: {"torqe": 1}), ValueError, "'torque'"),
+                (lambda: variator_sim.simulate(FREE, 1, controller=lambda s: {"torque": None}), TypeError,
+                 "'torque': None; allowed: finite numbers by topic"),
+                (lambda: variator_sim.simulate(FREE, 1, controller=lambda s: {"torque": "3"}), TypeError, "'torque': '3'"),
+                (lambda: variator_sim.simulate(FREE, 1, controller=lambda s: {5: 3.0}), TypeError, "5: 3.0"),
+                (lambda: variator_sim.simulate(FREE, 1, controller=controller, period=1e-12), ValueError, "period: 1e-12 makes 1e.12 calls"),
+                (lambda: variator_sim.simulate(FREE, 1, controller=controller, period="x"), ValueError, "> 0 s"),
                 (lambda: variator_sim.simulate(FREE, 1, controller=controller, period=0), ValueError, "> 0 s"),
                 (lambda: variator_sim.simulate(FREE, 1, controller=controller, until_rest=True), ValueError,
                  "no until_rest")]:
@@ -193,6 +199,17 @@ class PythonTest(TestCase):
         with self.assertRaises(variator_sim.MotionStopped) as stop:
             variator_sim.simulate(STOPS, 10.0, controller=lambda sample: None)
         self.assertGreater(len(stop.exception.result.time), 1)
+
+        def failing(sample):
+            if sample.time > 0.495:
+                raise fault
+            return {"torque": 4.0}
+
+        for fault in (ZeroDivisionError("mine"), KeyboardInterrupt()):
+            with self.subTest(fault=fault), self.assertRaises(type(fault)) as caught:
+                variator_sim.simulate(FREE, 1.0, controller=failing)
+            self.assertEqual(len(caught.exception.result.time), 50)
+            self.assertAlmostEqual(caught.exception.result["drive/velocity"][-1], 2.0 * 0.49)
 
     def test_recordings(self):
         simulation = variator_sim.Simulation(FREE)
@@ -314,6 +331,22 @@ class PythonTest(TestCase):
                  r"'torque': 0.4; allowed: pairs .*{'torque': \[\(0.0, 0.4\)\]}"),
                 (lambda: variator_sim.simulate(FREE, 1, commands={"torque": (1, 0.4)}), ValueError, "'torque': .* pairs"),
                 (lambda: variator_sim.simulate(FREE, 1, commands=[0.4]), ValueError, r"\[0.4\]; allowed: tuples"),
+                (lambda: variator_sim.simulate(FREE, 1, overrides="a=b"), ValueError, "overrides: 'a=b'; allowed: a dict such"),
+                (lambda: variator_sim.simulate(FREE, 1, overrides=5), ValueError, "overrides: 5; allowed: a dict"),
+                (lambda: variator_sim.sweep(FREE, 1, overrides=5, metrics="final(time)"), ValueError, "overrides: 5; allowed"),
+                (lambda: variator_sim.simulate(FREE, 1, state="file"), ValueError, "state: 'file'; allowed: a dict such"),
+                (lambda: variator_sim.simulate(FREE, 1, state={"shafts": {"drive": {"velocity": 10**30}}}), ValueError,
+                 "state: shafts/drive/velocity: 10+; allowed: .* a float such as 1e.30"),
+                (lambda: variator_sim.simulate(FREE, 1, overrides={"drive/inertia": 10**400}), ValueError,
+                 "overrides: drive/inertia: 10+"),
+                (lambda: variator_sim.simulate(FREE, 1, rate=1e12), ValueError, r"rate: 1e\+12 makes 1e\+12 samples; allowed"),
+                (lambda: variator_sim.simulate(FREE, 1, rate="x"), ValueError, "rate: 'x'; allowed: a finite number > 0"),
+                (lambda: variator_sim.simulate(FREE, "x"), ValueError, "duration: 'x'; allowed: a finite number >= 0"),
+                (lambda: variator_sim.simulate(FREE, times="x"), ValueError, "times: 'x'; allowed"),
+                (lambda: variator_sim.simulate(FREE, 1, gradient=5), ValueError, "gradient: 5; allowed: a path"),
+                (lambda: variator_sim.simulate(FREE, 1, columns=5), ValueError, "columns: 5; allowed: a text"),
+                (lambda: variator_sim.simulate(FREE, 1, columns=[5]), ValueError, r"columns: \[5\]; allowed: a text"),
+                (lambda: variator_sim.simulate(FREE, 1, commands=5), ValueError, r"commands: \[5\]; allowed"),
                 (lambda: variator_sim.simulate("no.yaml", 1), variator_sim.SceneError, "no.yaml")]:
             with self.subTest(words=words), self.assertRaisesRegex(kind, words):
                 fault()

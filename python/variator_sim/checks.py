@@ -1,6 +1,7 @@
 """Checks of arguments: messages name the argument, its value, what is allowed, and the nearest valid name."""
 
 import collections.abc
+import contextlib
 import difflib
 import math
 import numbers
@@ -21,7 +22,8 @@ def one_of(what, name, allowed, kind):
 
 
 def is_number(value):
-    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+    """Also of NumPy; no text, no truth value."""
+    return (isinstance(value, numbers.Real) or hasattr(value, "__float__")) and not isinstance(value, bool)
 
 
 def shown(value):
@@ -38,7 +40,7 @@ def finite(what, value, unit="", above=None, least=None):
             number = float(value)
             if math.isfinite(number) and (above is None or number > above) and (least is None or number >= least):
                 return number
-    except OverflowError:
+    except (OverflowError, TypeError):  # a large integer; an array
         pass
     hint = ""
     if isinstance(value, str):
@@ -83,6 +85,40 @@ def flag(what, value):
     if not isinstance(value, bool):
         raise ValueError(f"{what}: {shown(value)}; allowed: true or false")
     return value
+
+
+def large_integer(tree, path=""):
+    """(path, value) of the first integer in a tree that 64 bits do not hold; None where there is none."""
+    if isinstance(tree, collections.abc.Mapping):
+        items = [(f"{path}/{key}" if path else str(key), value) for key, value in tree.items()]
+    elif isinstance(tree, (list, tuple)):
+        items = [(f"{path}/{n}", value) for n, value in enumerate(tree)]
+    else:
+        return (path, tree) if isinstance(tree, int) and not -2**63 <= tree < 2**63 else None
+    return next(filter(None, (large_integer(value, key) for key, value in items)), None)
+
+
+@contextlib.contextmanager
+def small_integers(**trees):
+    """Turns what the compiled module says of an integer that it cannot take into the name and the way out."""
+    try:
+        yield
+    except OverflowError:
+        for what, tree in trees.items():
+            path, value = large_integer(tree) or ("", None)
+            if value is not None:
+                raise ValueError(f"{what}: {path}: {shown(value)}; allowed: an integer of 64 bits, or a float such as "
+                                 f"{value / 1.0 if abs(value) < 1e300 else 1e300:g}") from None
+        raise
+
+
+def group_names(columns):
+    """Groups of columns as the compiled module takes them, "state,inputs"."""
+    if isinstance(columns, str):
+        return columns
+    if not isinstance(columns, collections.abc.Iterable) or not all(isinstance(item, str) for item in columns):
+        raise ValueError(f"columns: {shown(columns)}; allowed: a text such as 'state,inputs', or a list of such names")
+    return ",".join(columns)
 
 
 def mapping(what, value, example):

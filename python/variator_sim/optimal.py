@@ -7,10 +7,10 @@ import warnings
 
 import numpy
 
-from variator_sim.checks import did_you_mean, finite, one_of, shown, whole_number
+from variator_sim.checks import did_you_mean, finite, mapping, one_of, shown, whole_number
 from variator_sim.errors import MotionStopped
 from variator_sim.files import whole_file
-from variator_sim.running import read_commands, simulate
+from variator_sim.running import OVERRIDES, read_commands, simulate
 
 NAME = r"[A-Za-z_][\w/]*"
 SUBJECT = re.compile(rf"\s*({NAME})\s*(?:\(\s*([^)]+)\))?\s*(<=|>=|=)\s*(\S+)\s*")
@@ -226,6 +226,7 @@ def optimise(scene, controls, minimise, subject=(), *, duration=None, knots=20, 
     """
     controls = [controls] if isinstance(controls, str) else list(controls)
     subjects = [read_subject(text) for text in ([subject] if isinstance(subject, str) else subject)]
+    mapping("overrides", overrides, OVERRIDES)
     if duration is None:
         duration = max((s.time for s in subjects if s.time is not None), default=None)
         if duration is None:

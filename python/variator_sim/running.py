@@ -1,8 +1,8 @@
 """Whole runs, as arrays by column name."""
 
 import collections.abc
+import contextlib
 import csv
-import difflib
 import math
 import os
 import warnings
@@ -11,8 +11,13 @@ import weakref
 import numpy
 
 from variator_sim import _core
+from variator_sim.checks import did_you_mean, finite, group_names, is_number, mapping, shown, small_integers
 from variator_sim.errors import MotionStopped
 from variator_sim.files import whole_file
+
+
+MOST_SAMPLES = 100_000_000  # of one run: its table is held in memory
+OVERRIDES = {"drive/inertia": 1.2}  # an example
 
 
 class Result(collections.abc.Mapping):
@@ -46,9 +51,7 @@ class Result(collections.abc.Mapping):
         try:
             return self.values[:, self._places[column]]
         except KeyError:
-            near = difflib.get_close_matches(str(column), self.columns, 1)
-            hint = f" (did you mean '{near[0]}'?)" if near else ""
-            raise KeyError(f"'{column}' is no column of this run{hint}; its columns: "
+            raise KeyError(f"'{column}' is no column of this run{did_you_mean(column, self.columns)}; its columns: "
                            + ", ".join(self.columns)) from None
 
     def __iter__(self):
@@ -94,7 +97,7 @@ def read_commands(commands):
                 raise ValueError(f"commands: '{topic}': {str(points)[:80]}; allowed: pairs (time, value), such as "
                                  f"{{'{topic}': [(0.0, 0.4)]}}") from None
     else:
-        listed = list(commands)
+        listed = list(commands) if isinstance(commands, collections.abc.Iterable) else [commands]
     try:
         listed = [(float(time), str(topic), float(value)) for time, topic, value in listed]
     except (TypeError, ValueError):
@@ -110,21 +113,28 @@ def read_commands(commands):
 def checked_times(duration, rate, times):
     """Duration and instants (or None) of a run, checked as the command line does."""
     if times is not None:
-        times = numpy.atleast_1d(numpy.asarray(times, dtype=float))
+        try:
+            times = numpy.atleast_1d(numpy.asarray(times, dtype=float))
+        except (TypeError, ValueError):
+            raise ValueError(f"times: {shown(times)}; allowed: instants, s, numbers in ascending order") from None
         if not (times.ndim == 1 and times.size and numpy.isfinite(times).all() and times[0] >= 0.0
                 and (numpy.diff(times) >= 0.0).all()):
             raise ValueError("times: allowed are finite instants of 0 s or later in ascending order")
         if duration is None:
             duration = times[-1]
-        if times[-1] > duration:
+        if times[-1] > finite("duration", duration, "s", least=0.0):
             raise ValueError(f"times: {times[-1]} s lies after the end, {duration} s")
     if duration is None:
         raise ValueError("duration: missing; it may be left out with times")
-    if not (math.isfinite(duration) and duration >= 0.0):
-        raise ValueError(f"duration: {duration} s; allowed: a finite number >= 0")
-    if not (math.isfinite(rate) and rate > 0.0):
-        raise ValueError(f"rate: {rate}; allowed: a finite number > 0")
-    return float(duration), times
+    finite("rate", rate, "samples per second", above=0.0)
+    return finite("duration", duration, "s", least=0.0), times
+
+
+def check_samples(what, value, count, things="samples"):
+    """Before there is room made for so many."""
+    if count > MOST_SAMPLES:
+        raise ValueError(f"{what}: {value:g} makes {count:.3g} {things}; allowed: {MOST_SAMPLES} at most in one run; several runs, each from "
+                         "the state of the one before, take it in parts")
 
 
 def units_of(scene):
@@ -172,7 +182,7 @@ def record(simulation, columns="state"):
     Args:
         columns: groups of columns as of `simulate`; other groups than before begin a new recording.
     """
-    groups = columns if isinstance(columns, str) else ",".join(columns)
+    groups = group_names(columns)
     recording = RECORDINGS.get(simulation)
     if recording is None or recording.groups != groups or (len(recording._rows)
                                                            and simulation.time < recording._rows[-1][0]):
@@ -181,9 +191,10 @@ def record(simulation, columns="state"):
     return recording
 
 
-def run_controlled(simulation, controller, period, end, instants, listed, groups):
-    """Runs to `end` with a controller asked every `period` s; what `Simulation._run` returns."""
-    blocks, outside, error = [], 0, None
+def run_controlled(simulation, controller, period, end, instants, listed, groups, blocks):
+    """Runs to `end` with a controller asked every `period` s; adds to `blocks`, and returns the rest of what
+    `Simulation._run` does."""
+    outside, error = 0, None
     begin = simulation.time
     count = max(1, math.ceil((end - begin) / period - 1e-9))
     for k in range(1, count + 1):
@@ -192,6 +203,8 @@ def run_controlled(simulation, controller, period, end, instants, listed, groups
         if commands is not None and not isinstance(commands, collections.abc.Mapping):
             raise TypeError(f"controller: returned {str(commands)[:80]}; allowed: a dict of commands by topic, or None")
         for topic, value in (commands or {}).items():
+            if not (isinstance(topic, str) and is_number(value)):
+                raise TypeError(f"controller: returned {shown(topic)}: {shown(value)}; allowed: finite numbers by topic")
             simulation.command(topic, value)
         target = end if k == count else round((begin + k * period) * 1e9) / 1e9
         is_last = k == count
@@ -203,7 +216,7 @@ def run_controlled(simulation, controller, period, end, instants, listed, groups
         if error is not None:
             break
         simulation.advance_to(target)
-    return numpy.vstack(blocks), outside, error
+    return outside, error
 
 
 def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, columns="state",
@@ -228,38 +241,59 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
         gradient: numbers of the scene by path ("drive/inertia") and commands ("ratio@2.0") that the samples are
             differentiated by: adds columns such as "d(load/velocity)/d(drive/inertia)".
 
-    What the command line warns of is a warning here too (`warnings`).
+    What the command line warns of is a warning here too (`warnings`). What a controller raises, and Ctrl-C in a run with
+    a controller, has the samples up to then as its `result`, too.
 
     Raises:
         SceneError: the scene cannot be run as it is written.
         MotionStopped: the motion stopped; its `result` has the samples up to then.
     """
     duration, times = checked_times(duration, rate, times)
-    groups = columns if isinstance(columns, str) else ",".join(columns)
+    groups = group_names(columns)
     listed = read_commands(commands)
-    simulation = _core.Simulation(scene, overrides, energy="energy" in groups.split(","))
-    names = simulation.columns(groups)
-    if state is not None:
-        simulation.set_state(state)
+    mapping("overrides", overrides, OVERRIDES)
+    mapping("state", state, {"shafts": {"drive": {"velocity": 5.0}}})
+    if times is None and not until_rest:
+        check_samples("rate", rate, duration * rate)
+    with small_integers(scene=scene, overrides=overrides, state=state):
+        simulation = _core.Simulation(scene, overrides, energy="energy" in groups.split(","))
+        names = simulation.columns(groups)
+        if state is not None:
+            simulation.set_state(state)
+
+    def result_of(values):
+        return Result(names, values, simulation.statistics, units_of(simulation.scene), simulation.take_events())
+
     if gradient:
+        gradient = [gradient] if isinstance(gradient, str) else gradient
+        if not isinstance(gradient, collections.abc.Iterable) or not all(isinstance(item, str) for item in gradient):
+            raise ValueError(f"gradient: {shown(gradient)}; allowed: a path such as 'drive/inertia', or a list of such")
         if state is not None or controller is not None:
             raise ValueError("gradient: excludes state and controller, which have no derivatives")
         values, outside, error, names, end_of_gradient = simulation._run(
-            duration, rate, times, listed, groups, until_rest, [gradient] if isinstance(gradient, str) else list(gradient))
+            duration, rate, times, listed, groups, until_rest, list(gradient))
         if end_of_gradient:
             warnings.warn(end_of_gradient, stacklevel=2)
     elif controller is None:
         values, outside, error = simulation._run(duration, rate, times, listed, groups, until_rest)
     else:
-        if until_rest or not callable(controller) or not (math.isfinite(period) and period > 0.0):
+        if until_rest or not callable(controller) or not is_number(period) or not (math.isfinite(period) and period > 0.0):
             raise ValueError(f"controller: {controller}, period: {period}, until_rest: {until_rest}; allowed: a "
                              "function of a sample, a period > 0 s, and no until_rest")
+        check_samples("period", period, duration / period, "calls of the controller")
         end = simulation.time + duration
         if times is None:
             first, last = math.floor(simulation.time * rate) + 1, math.ceil(end * rate)
             times = [simulation.time, *(k / rate for k in range(first, last)), end]
-        values, outside, error = run_controlled(simulation, controller, period, end, times, listed, groups)
-    result = Result(names, values, simulation.statistics, units_of(simulation.scene), simulation.take_events())
+        blocks = [numpy.empty((0, len(names)))]
+        try:
+            outside, error = run_controlled(simulation, controller, period, end, times, listed, groups, blocks)
+        except BaseException as fault:
+            with contextlib.suppress(AttributeError, TypeError):  # an exception may refuse it
+                fault.result = result_of(numpy.vstack(blocks))
+            raise
+        values = numpy.vstack(blocks)
+    result = result_of(values)
     if error is not None:
         error.result = result
         raise error

@@ -24,7 +24,7 @@ from variator_sim import _core
 from variator_sim.checks import did_you_mean, mapping, shown, whole_number
 from variator_sim.errors import MotionStopped, SceneError
 from variator_sim.files import find_regular_file, whole_file, writing
-from variator_sim.running import checked_times, read_commands, simulate
+from variator_sim.running import OVERRIDES, checked_times, read_commands, simulate
 
 KINDS = ("final", "min", "max", "mean", "integral", "settling")
 GROUPS = ("state", "elements", "inputs", "outputs", "states", "variables",
@@ -602,6 +602,7 @@ def sweep(scene, duration=None, *, grid=None, random=None, samples=1, seed=0, me
             that it was made with, are the same.
         period: of the controller, s of simulated time.
     """
+    mapping("overrides", overrides, OVERRIDES)
     metrics = [metrics] if isinstance(metrics, str) else list(metrics)
     check_output(output, scene, commands)
     regular = None if output is None else find_regular_file(output)
