@@ -147,6 +147,8 @@ class PlotTest(TestCase):
         self.assertEqual(run.columns, ["time", "a/velocity"])
         _, axes = run.plot()
         self.assertEqual(axes[0].get_lines()[0].get_marker(), "o")
+        _, axis = plotting.plot_energy(variator_sim.simulate(OBSERVED, times=[0.5], columns="state,elements,energy"))
+        self.assertEqual(axis.get_lines()[-1].get_marker(), "o")
 
     def test_ctrl_c_while_a_file_is_read(self):
         fifo = self.folder / "fifo.csv"

@@ -61,13 +61,17 @@ def check_size(name, times, values):
         raise ValueError(f"{name}: {values[place]:g} at {times[place]:g} s is too large to draw; allowed: up to {MOST:g}")
 
 
+def marker_of(values):
+    """A line of one point would not be seen."""
+    return "o" if numpy.count_nonzero(numpy.isfinite(values)) == 1 else None
+
+
 def draw_lines(axis, lines, label):
     """Lines (name, times, values) over simulated time in one panel; a point where there is one value only."""
     for i, (name, times, values) in enumerate(lines):
         values = numpy.asarray(values, dtype=float)
         check_size(f"{name} ({' '.join(label.split())})", times, values)
-        marker = "o" if numpy.count_nonzero(numpy.isfinite(values)) == 1 else None
-        axis.plot(times, values, label=name, marker=marker, **style_of(i, len(lines)))
+        axis.plot(times, values, label=name, marker=marker_of(values), **style_of(i, len(lines)))
     axis.set_ylabel(label)
     axis.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
     axis.grid(True, color="0.9")
@@ -257,7 +261,7 @@ def plot_energy(result, title="", path=None):
     axis = axes[0, 0]
     drawn = {name for sign in (1.0, -1.0) for name in stack(axis, times, parts, sign)}
     draw_lines(axis, [], "Power, W")
-    line, = axis.plot(times, sum(values for _, values in parts), color="black", linewidth=1.4)
+    line, = axis.plot(times, sum(values for _, values in parts), color="black", linewidth=1.4, marker=marker_of(times))
     bands = [(plt.Rectangle((0, 0), 1, 1, color=COLOURS[i % len(COLOURS)], alpha=0.8), name)
              for i, (name, _) in enumerate(parts) if name in drawn]
     handles, names = zip(*bands, (line, "into kinetic energy"))
