@@ -132,6 +132,8 @@ class OptimalMotionTest(SimulateTestCase):
                 (dict(start={"wantd": 9}), "start: 'wantd' is no control .did you mean 'wanted'"),
                 (dict(rates={"wantd": 9}), "rate: 'wantd' is no control .did you mean 'wanted'"),
                 (dict(rates={"wanted": float("nan")}), "rate: 'wanted': nan; allowed: a finite number > 0"),
+                (dict(subject=5), "subject: 5; allowed: a text"), (dict(minimise=5), "minimise: 5; allowed: a name"),
+                (dict(rates=5), "rates: 5; allowed: a dict"), (dict(bounds=5), "bounds: 5; allowed: a dict"),
                 (dict(knots=0), "knots: 0; allowed: a whole number >= 1")):
             with self.subTest(arguments=arguments), self.assertRaisesRegex(ValueError, word):
                 optimal.optimise(scene, **{"controls": "wanted", "minimise": "cost", **good, **arguments})

@@ -343,7 +343,7 @@ class PythonTest(TestCase):
                 (lambda: variator_sim.simulate(FREE, 1, rate="x"), ValueError, "rate: 'x'; allowed: a finite number > 0"),
                 (lambda: variator_sim.simulate(FREE, "x"), ValueError, "duration: 'x'; allowed: a finite number >= 0"),
                 (lambda: variator_sim.simulate(FREE, times="x"), ValueError, "times: 'x'; allowed"),
-                (lambda: variator_sim.simulate(FREE, 1, gradient=5), ValueError, "gradient: 5; allowed: a path"),
+                (lambda: variator_sim.simulate(FREE, 1, gradient=5), ValueError, "gradient: 5; allowed: a text"),
                 (lambda: variator_sim.simulate(FREE, 1, columns=5), ValueError, "columns: 5; allowed: a text"),
                 (lambda: variator_sim.simulate(FREE, 1, columns=[5]), ValueError, r"columns: \[5\]; allowed: a text"),
                 (lambda: variator_sim.simulate(FREE, 1, commands=5), ValueError, r"commands: \[5\]; allowed"),

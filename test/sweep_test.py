@@ -136,6 +136,8 @@ class SweepTest(TestCase):
                                    output=output)
         numpy.testing.assert_allclose(table["final(drive/velocity)"], 0.5, atol=1e-4)
         self.check_same(variator_sim.read_table(output), table)
+        with self.assertRaisesRegex(TypeError, "controller: 5; allowed: a function"):
+            variator_sim.sweep(scene, 1.0, grid=grid, metrics=["final(drive/velocity)"], controller=5)
         for fault in (lambda values: None, lambda values: {"u": 1.0}):
             with self.assertRaisesRegex(TypeError, "controller: returned .*as `simulate` has it"):
                 variator_sim.sweep(scene, 1.0, grid=grid, metrics=["final(drive/velocity)"], controller=fault)
@@ -311,7 +313,9 @@ class SweepTest(TestCase):
                 (dict(random={"load/inertia": "uniform(2,1)"}), "random: load/inertia: .*LOW <= HIGH"),
                 (dict(random={"load/inertia": ("gauss", 1, 1)}), "random: load/inertia: .*lognormal"),
                 (dict(random={"load/inertia": ("normal", 1)}), "random: load/inertia: .*normal"),
-                (dict(metrics=[5]), "metric 5: allowed are"),
+                (dict(metrics=[5]), r"metrics: \[5\]; allowed: a text"),
+                (dict(shard=5), "shard: 5; allowed: a tuple"),
+                (dict(controller=lambda values: lambda sample: None, period=-1), "period: -1; allowed: a finite number > 0"),
                 (dict(overrides={"drive/inertia": 2}), "overridden too")]:
             with self.subTest(change=change), self.assertRaisesRegex((ValueError, OSError), words):
                 variator_sim.sweep(LAG, 1.0, **{**good, **change})

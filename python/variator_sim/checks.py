@@ -112,13 +112,13 @@ def small_integers(**trees):
         raise
 
 
-def group_names(columns):
-    """Groups of columns as the compiled module takes them, "state,inputs"."""
-    if isinstance(columns, str):
-        return columns
-    if not isinstance(columns, collections.abc.Iterable) or not all(isinstance(item, str) for item in columns):
-        raise ValueError(f"columns: {shown(columns)}; allowed: a text such as 'state,inputs', or a list of such names")
-    return ",".join(columns)
+def texts(what, value, example):
+    """A list of texts, of one or of several."""
+    if isinstance(value, str):
+        return [value]
+    if not isinstance(value, collections.abc.Iterable) or not all(isinstance(item, str) for item in value):
+        raise ValueError(f"{what}: {shown(value)}; allowed: a text such as '{example}', or a list of such")
+    return list(value)
 
 
 def mapping(what, value, example):

@@ -7,7 +7,8 @@ import warnings
 
 import numpy
 
-from variator_sim.checks import did_you_mean, finite, mapping, one_of, shown, whole_number
+from variator_sim.checks import did_you_mean, finite, mapping, one_of, shown, texts, whole_number
+from variator_sim.checks import name as checked_name
 from variator_sim.errors import MotionStopped
 from variator_sim.files import whole_file
 from variator_sim.running import OVERRIDES, read_commands, simulate
@@ -224,9 +225,12 @@ def optimise(scene, controls, minimise, subject=(), *, duration=None, knots=20, 
     Returns a `Programme`. Raises ValueError, RuntimeError where no programme satisfies the conditions. A KeyboardInterrupt
     has the best one so far that satisfies them as its `programme`, where there is one.
     """
-    controls = [controls] if isinstance(controls, str) else list(controls)
-    subjects = [read_subject(text) for text in ([subject] if isinstance(subject, str) else subject)]
-    mapping("overrides", overrides, OVERRIDES)
+    controls = texts("controls", controls, "ratio")
+    subjects = [read_subject(text) for text in texts("subject", subject, "w_load(2) = 3")]
+    checked_name("minimise", minimise)
+    for what, values in (("overrides", overrides), ("bounds", bounds), ("rates", rates), ("start", start)):
+        mapping(what, values, {"overrides": OVERRIDES, "bounds": {"ratio": (0.06, 0.4)}}.get(what, {"ratio": 0.1}))
+    finite("tolerance", tolerance, above=0.0)
     if duration is None:
         duration = max((s.time for s in subjects if s.time is not None), default=None)
         if duration is None:

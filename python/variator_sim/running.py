@@ -11,7 +11,7 @@ import weakref
 import numpy
 
 from variator_sim import _core
-from variator_sim.checks import did_you_mean, finite, group_names, is_number, mapping, shown, small_integers
+from variator_sim.checks import did_you_mean, finite, is_number, mapping, shown, small_integers, texts
 from variator_sim.errors import MotionStopped
 from variator_sim.files import whole_file
 
@@ -182,7 +182,7 @@ def record(simulation, columns="state"):
     Args:
         columns: groups of columns as of `simulate`; other groups than before begin a new recording.
     """
-    groups = group_names(columns)
+    groups = ",".join(texts("columns", columns, "state,inputs"))
     recording = RECORDINGS.get(simulation)
     if recording is None or recording.groups != groups or (len(recording._rows)
                                                            and simulation.time < recording._rows[-1][0]):
@@ -249,7 +249,7 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
         MotionStopped: the motion stopped; its `result` has the samples up to then.
     """
     duration, times = checked_times(duration, rate, times)
-    groups = group_names(columns)
+    groups = ",".join(texts("columns", columns, "state,inputs"))
     listed = read_commands(commands)
     mapping("overrides", overrides, OVERRIDES)
     mapping("state", state, {"shafts": {"drive": {"velocity": 5.0}}})
@@ -265,13 +265,10 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
         return Result(names, values, simulation.statistics, units_of(simulation.scene), simulation.take_events())
 
     if gradient:
-        gradient = [gradient] if isinstance(gradient, str) else gradient
-        if not isinstance(gradient, collections.abc.Iterable) or not all(isinstance(item, str) for item in gradient):
-            raise ValueError(f"gradient: {shown(gradient)}; allowed: a path such as 'drive/inertia', or a list of such")
         if state is not None or controller is not None:
             raise ValueError("gradient: excludes state and controller, which have no derivatives")
         values, outside, error, names, end_of_gradient = simulation._run(
-            duration, rate, times, listed, groups, until_rest, list(gradient))
+            duration, rate, times, listed, groups, until_rest, texts("gradient", gradient, "drive/inertia"))
         if end_of_gradient:
             warnings.warn(end_of_gradient, stacklevel=2)
     elif controller is None:

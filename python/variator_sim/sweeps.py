@@ -21,7 +21,7 @@ import zipfile
 import numpy
 
 from variator_sim import _core
-from variator_sim.checks import did_you_mean, mapping, shown, whole_number
+from variator_sim.checks import did_you_mean, finite, mapping, shown, texts, whole_number
 from variator_sim.errors import MotionStopped, SceneError
 from variator_sim.files import find_regular_file, whole_file, writing
 from variator_sim.running import OVERRIDES, checked_times, read_commands, simulate
@@ -158,7 +158,7 @@ def make_design(grid, random, samples, seed):
 
 def read_metric(text):
     """(kind, column, band) of "max(load/velocity)" or "settling(load/velocity, 0.05)"."""
-    match = isinstance(text, str) and re.fullmatch(r"\s*(\w+)\s*\(\s*([^,()]+?)\s*(?:,\s*([^,()]+?)\s*)?\)\s*", text)
+    match = re.fullmatch(r"\s*(\w+)\s*\(\s*([^,()]+?)\s*(?:,\s*([^,()]+?)\s*)?\)\s*", text)
     if match and match.group(1) in KINDS:
         kind, column, band = match.groups()
         if band is None:
@@ -261,7 +261,7 @@ class Task:
                 scene = _core._describe_scene(scene, {}) if re.search(r"\bfile\b", text) else text
         read = [read_metric(text) for text in metrics]
         if not read:
-            raise ValueError("metrics: none given")
+            raise ValueError("metrics: none given; allowed: one or more such as 'final(load/velocity)'")
         if not set(paths).isdisjoint(overrides or {}):
             raise ValueError("overrides: a path that varies is overridden too")
         simulation = read_one(scene, overrides or {}, paths, values)
@@ -603,11 +603,17 @@ def sweep(scene, duration=None, *, grid=None, random=None, samples=1, seed=0, me
         period: of the controller, s of simulated time.
     """
     mapping("overrides", overrides, OVERRIDES)
-    metrics = [metrics] if isinstance(metrics, str) else list(metrics)
+    metrics = texts("metrics", metrics, "final(load/velocity)")
+    if controller is not None:
+        finite("period", period, "s", above=0.0)
+        if not callable(controller):
+            raise TypeError(f"controller: {shown(controller)}; allowed: a function of the values of a run")
     check_output(output, scene, commands)
     regular = None if output is None else find_regular_file(output)
     threads = len(os.sched_getaffinity(0)) if threads is None else whole_number("threads", threads, 1, MOST_THREADS)
     paths, values = make_design(grid, random, samples, seed)
+    if not isinstance(shard, (tuple, list)) or len(shard) != 2:
+        raise ValueError(f"shard: {shown(shard)}; allowed: a tuple (i, n), such as (1, 4)")
     parts = whole_number("shard", shard[1], 1)
     part = whole_number("shard", shard[0], 1, parts)
     task = Task(scene, duration, rate, times, commands, overrides, paths, values, metrics, controller, period)
