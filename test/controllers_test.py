@@ -193,6 +193,22 @@ class ControllersTest(unittest.TestCase):
         line = process.stdout.readline()
         self.assertRegex(line, "waiting for /liv/scene: no drivetrain of that name runs .did you mean '/live'")
 
+    def test_programs_that_play_files_say_what_is_missing(self):
+        with tempfile.TemporaryDirectory() as folder:
+            cycle, profile = pathlib.Path(folder, "cycle.csv"), pathlib.Path(folder, "profile.csv")
+            cycle.write_text("time,command\n0,1\n", encoding="utf-8")
+            profile.write_text("time,topic,value\n0,drive_torqe,1\n", encoding="utf-8")
+            _, process = self.start("duty_cycle", str(cycle), "--controller", "/nobody", "--simulator", "/liv")
+            self.addCleanup(process.stdout.close)
+            self.addCleanup(process.wait)
+            self.addCleanup(process.kill)
+            self.assertRegex(process.stdout.readline(), "waiting for /nobody: no node of that name listens")
+            self.assertRegex(process.stdout.readline(), "waiting for /liv/state: .* .did you mean '/live'")
+            _, process = self.start("torque_profile", str(profile), "--seconds", "1", "--simulator", "/live")
+            text = process.communicate(timeout=60)[0]
+            self.assertEqual(process.returncode, 1, text)
+            self.assertIn("'drive_torqe' is no commanded input of /live (did you mean 'drive_torque'?)", text)
+
     def test_commands_that_are_no_numbers_are_refused_once(self):
         name, process = self.start("speed_controller", simulator="/ship", initial_command=30)
         self.addCleanup(process.stdout.close)
