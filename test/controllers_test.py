@@ -204,6 +204,11 @@ class ControllersTest(unittest.TestCase):
             self.addCleanup(process.kill)
             self.assertRegex(process.stdout.readline(), "waiting for /nobody: no node of that name listens")
             self.assertRegex(process.stdout.readline(), "waiting for /liv/state: .* .did you mean '/live'")
+            _, process = self.start("drivetrain_markers", "--node", "/liv")
+            self.addCleanup(process.stdout.close)
+            self.addCleanup(process.wait)
+            self.addCleanup(process.kill)
+            self.assertRegex(process.stdout.readline(), "waiting for /liv/scene: .* .did you mean '/live'")
             _, process = self.start("torque_profile", str(profile), "--seconds", "1", "--simulator", "/live")
             text = process.communicate(timeout=60)[0]
             self.assertEqual(process.returncode, 1, text)
