@@ -651,6 +651,37 @@ brake: {type: variator_sim/Brake, shaft: a, capacity: 8, static: 1.25, initial: 
         self.assertEqual(done.returncode, 2)
         self.assertIn("brake/capacity", done.stderr)
 
+    def test_starts_with_an_impact_or_off_the_constraints(self):
+        """A freewheel that would slip backwards begins with an impact. Velocities off a constraint are told as such,
+        whatever holds beside it."""
+        scene = '''
+shafts: [a, b, c, d]
+a: {inertia: 1.0}
+b: {inertia: 1.0}
+c: {inertia: 1.0}
+d: {inertia: 1.0}
+torques: [stop, brake, wheel]
+stop: {type: variator_sim/EndStop, shaft: b, lower: -1, upper: 1.6}
+brake: {type: variator_sim/Brake, shaft: c, capacity: 5}
+wheel: {type: variator_sim/OneWayClutch, shafts: [a, d]}
+constraints: [gear]
+gear: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: -0.5}
+initial: {velocity: [1, -0.5, 0, 0]}
+principle: gauss
+'''
+        (header, rows), _ = self.simulate(scene, 1.0, 1)
+        for row in rows:  # 1.25 kg m^2 at 1 rad/s meets 1 kg m^2
+            self.assertAlmostEqual(float(row[header.index("d/velocity")]), 1.25 / 2.25, delta=1e-12)
+            self.assertAlmostEqual(float(row[header.index("b/velocity")]), -0.5 * 1.25 / 2.25, delta=1e-12)
+        path = self.folder / "it.yaml"
+        for brake in ("", ", initial: slipping"):
+            path.write_text(scene.replace("capacity: 5", "capacity: 5" + brake).replace("-0.5, 0", "-0.501, 0"))
+            done = call(SIMULATE, path, "--duration", 1)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn("initial/velocity", done.stderr)
+            self.assertIn("residual of 'gear' = -0.001", done.stderr)
+            self.assertIn("[1.0004, -0.5002, 0, 0]", done.stderr)
+
     def test_energy_closes_with_heat_and_impacts(self):
         scene = '''
 shafts: [a, b]
