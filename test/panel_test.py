@@ -84,9 +84,9 @@ def many_shafts():
     scene = {'shafts': shafts, 'inputs': inputs, 'torques': ['at_' + shaft for shaft in shafts],
              'initial': {'velocity': [1.0 + n % 9 for n in range(64)]}}
     for n, shaft in enumerate(shafts):
-        scene[shaft] = {'inertia': 1.0}
+        scene[shaft] = {'inertia': 1e6}  # so speeds, and the signs of powers, stay
         scene['at_' + shaft] = {'type': 'variator_sim/ExpressionTorque', 'shaft': shaft,
-                                'torque': f'{n - 20} + 1e-9*input_{n % 31}'}
+                                'torque': f'{n - 20.5} + 1e-9*input_{n % 31}'}
     for n, name in enumerate(inputs):
         limit = 1e7 if n == 0 else 100.0
         scene[name] = {'topic': name, 'initial': 5.0, 'min': -limit, 'max': limit}
@@ -605,6 +605,7 @@ class PageTest(unittest.TestCase):
         self.addCleanup(panel.close)
         page = self.page
         page.open(panel.root)
+        self.addCleanup(page.open, self.panel.root)  # before its panel ends
         page.wait('document.querySelectorAll(".curve canvas").length >= 8', 'four plots')
         self.assertIn('and 55 more', page.text('.legend'))
         page.wait('[...document.querySelectorAll(".plot")].every((plot) => 2 * plot.querySelector(".curve").clientHeight '
