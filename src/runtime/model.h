@@ -21,6 +21,7 @@ typedef struct {
   double event; /* that the last step has passed, in units: from there on its end stands for all */
   double longest[SCENE_CONSTRAINTS + SCENE_HOLDS + 1]; /* that C J^-1 C' has been */
   long steps, rejections, corrections; /* the last: of accelerations, by Newton's iteration */
+  int is_first; /* 1: modes are decided of a state before which there was no motion */
   SCENE_REAL memory[SCENE_SHAFTS]; /* the part of R that is not C' multiplier, while modes change */
   scene_event event_of[SCENE_MOST_EVENTS]; /* the last ones: number n at n % MOST_EVENTS */
   long events;

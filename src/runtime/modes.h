@@ -29,10 +29,20 @@ VS_FUNCTION_RARE int vs_choose_rows(scene_model* m, scene_series* it) {
   return 1;
 }
 
+/* True where the accelerations of a first state are those of least reaction, to which constraints
+ * of order 3 of generalized_gauss have nothing to say. (Later these keep C epsilon.) */
+VS_FUNCTION_RARE int vs_leaves_order_3(const scene_model* m) {
+  int has_order_3 = 0, p;
+  for (p = 0; p < CONSTRAINTS && !IS_GAUSS; ++p) has_order_3 = has_order_3 || order_of[p] == 3;
+  return has_order_3 && m->is_first;
+}
+
 /* The motion in the present modes from the state `from`: its accelerations, what the constraints
  * transmit, and the first coefficients of all series. */
 VS_FUNCTION_RARE scene_status vs_take_sides(scene_model* m, scene_series* it,
                                             const scene_state* from) {
+  const int is_least = vs_leaves_order_3(m);
+  const int what = is_least ? VS_LEAST_REACTION : VS_DECIDED;
   scene_status status;
   memcpy(m->now.velocity, from->velocity, sizeof from->velocity);
   memcpy(m->now.acceleration, from->acceleration, sizeof from->acceleration);
@@ -43,9 +53,9 @@ VS_FUNCTION_RARE scene_status vs_take_sides(scene_model* m, scene_series* it,
   vs_enter_state(m, it);
   if (!vs_choose_rows(m, it)) return SCENE_SINGULAR;
   status = vs_project_velocities(m, it);
-  if (status == SCENE_OK) status = vs_settle(m, it, VS_DECIDED, m->now.multiplier, 0, 0.0, 25);
+  if (status == SCENE_OK) status = vs_settle(m, it, what, m->now.multiplier, 0, 0.0, 25);
   if (status != SCENE_OK) return status;
-  if (!vs_begin(it, m->now.multiplier, 1)) return SCENE_SINGULAR;
+  if (!vs_begin(it, m->now.multiplier, !is_least)) return SCENE_SINGULAR;
   /* A step's whole series may contradict modes that fewer orders decided at this instant. */
   while (it->order < (m->crossings == 0 || !HAS_SERIES ? vs_decides_by() : SCENE_ORDER))
     vs_extend(it);
@@ -382,6 +392,7 @@ VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   scene_status status;
   int told[MOST_HOLDS + 1];
   int i, p;
+  m->is_first = is_start;
   for (i = 0; i < S; ++i) m->memory[i] = 0.0;
   vs_enter_inputs(m, it, 0);
   vs_enter_state(m, it);
