@@ -738,8 +738,8 @@ gear: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: {topic: ratio, 
         commands = self.write("commands.csv", "time,topic,value\n0.1,ratio,1e308\n")
         result = self.simulate(scene, "--duration", "1", "--commands", commands)
         self.assertEqual(result.returncode, 1)
-        self.assertIn("; the command 1e+308 on 'ratio' is out of all proportion: 'min' and 'max' of the input bound",
-                      result.stderr)
+        self.assertIn("; the command 1e+308 on 'ratio' is out of all proportion: 'min' and 'max' of the input bound "
+                      "what is taken; last good state: ", result.stderr)
 
     def test_a_plugin_that_throws_ends_its_motion_and_no_sample_is_lost(self):
         self.environment.update(faulty_package.environment(self.folder))

@@ -82,6 +82,20 @@ std::string ProgramMotion::findCulprit(MotionStatus* told) {
   return function;
 }
 
+/// Returns the commands that no machine has, of ordinary inputs.
+std::string ProgramMotion::describeHugeCommands() const {
+  constexpr double kNoMachine = 1e12;  // in any SI unit
+  std::string text;
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(i)];
+    const double command = signal_[i].target();
+    if (input.kind != InputKind::kCommanded || std::abs(command) < kNoMachine) continue;
+    text += "; the command " + formatNumber(command) + " on " + inQuotes(input.topic) +
+            " is out of all proportion: 'min' and 'max' of the input bound what is taken";
+  }
+  return text;
+}
+
 std::string ProgramMotion::describeStop(Element* culprit) {
   if (status_.ok()) return "";
   MotionStatus told = status_;
@@ -90,7 +104,11 @@ std::string ProgramMotion::describeStop(Element* culprit) {
   Inertia inertia(scene.inertia, scene.inertia_harmonics);
   inertia.update(state.angle);
   std::ostringstream text;
-  text << variator_sim::describeStop(scene, told, state, inertia, function, culprit);
+  std::string sentence = variator_sim::describeStop(scene, told, state, inertia, function, culprit);
+  // (The node cuts long messages, such as those with the states of many shafts.)
+  sentence.insert(std::min(sentence.find("; last good state: "), sentence.size()),
+                  describeHugeCommands());
+  text << sentence;
   const int event = it_.passed - program_->FIRST_EVENT;
   if (status_.reason == StopReason::kChattering && event >= 0 && event < program_->EVENTS) {
     text << "; the event " << inQuotes(scene.events[static_cast<std::size_t>(event)].name)
@@ -113,14 +131,6 @@ std::string ProgramMotion::describeStop(Element* culprit) {
     text << "; the past of " << inQuotes(scene.inputs[input].name) << " has "
          << MotionPast::kMostPieces
          << " steps, which is all that is kept: a shorter delay, or larger tolerances, have fewer";
-  }
-  constexpr double kNoMachine = 1e12;  // in any SI unit
-  for (int i = 0; i < scene.inputCount(); ++i) {
-    const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(i)];
-    const double command = signal_[i].target();
-    if (input.kind != InputKind::kCommanded || std::abs(command) < kNoMachine) continue;
-    text << "; the command " << formatNumber(command) << " on " << inQuotes(input.topic)
-         << " is out of all proportion: 'min' and 'max' of the input bound what is taken";
   }
   return text.str();
 }

@@ -47,6 +47,7 @@ class ProgramMotion final : public MotionBase {
   void exhaustTime() override { stop(StopReason::kTimeExhausted); }
   bool takeModeEvent(ModeEvent* event) override;
   std::string describeStop(Element* culprit) override;
+  std::string describeHugeCommands() const;
   const char* stepperName() const override;
   std::string describeStepper() const override;
   std::vector<std::string> skips() const override;
