@@ -682,30 +682,6 @@ principle: gauss
             self.assertIn("residual of 'gear' = -0.001", done.stderr)
             self.assertIn("[1.0004, -0.5002, 0, 0]", done.stderr)
 
-    def test_a_constraint_of_order_3_leaves_the_first_accelerations(self):
-        """It has no residual of the accelerations: those of the start have no reaction of it, whatever holds beside it."""
-        scene = '''
-shafts: [a, b, c]
-a: {inertia: 1}
-b: {inertia: 2}
-c: {inertia: 1}
-torques: [m, l, q, brake]
-m: {type: variator_sim/ExpressionTorque, shaft: a, torque: "3 - 0.2*w_a"}
-l: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-0.5*w_b + 1"}
-q: {type: variator_sim/ExpressionTorque, shaft: c, torque: "-1"}
-brake: {type: variator_sim/Brake, shaft: SHAFT, capacity: 2}
-constraints: [g]
-g: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j_b - 0.5*j_a"}
-initial: {velocity: [0, 0, 1]}
-'''
-        for shaft, expected in (("c", [3.0, 0.5, -3.0]), ("b", [3.0, 0.0, -1.0])):
-            (header, rows), _ = self.simulate(scene.replace("SHAFT", shaft), 0.1, 10)
-            for row in rows:  # j_b = j_a / 2: e_b keeps its distance
-                e_a, e_b, _ = (float(row[header.index(f"{it}/acceleration")]) for it in "abc")
-                self.assertAlmostEqual(e_b - 0.5 * e_a, expected[1] - 0.5 * expected[0], delta=1e-9)
-            for it, value in zip("abc", expected):
-                self.assertAlmostEqual(float(rows[0][header.index(f"{it}/acceleration")]), value, delta=1e-12)
-
     def test_energy_closes_with_heat_and_impacts(self):
         scene = '''
 shafts: [a, b]

@@ -87,21 +87,25 @@ scene_status ProgramMotion::beginNear(Begin how, bool are_given, bool may_move) 
   std::copy_n(state_, 3 * S, misfit_.given);
   Left left;
   scene_status status = tryToBegin(how, are_given, may_move, &left);
-  // The program is stricter with small values beside large ones than isNear is. (Velocities that it
-  // keeps may jump all the same: a freewheel that overruns locks.)
-  const bool is_moved = status == SCENE_INCONSISTENT;
-  if (is_moved) status = tryToBegin(how, are_given, true, &left);
-  if (status == SCENE_INCONSISTENT) {
+  const bool is_of_modes = status == SCENE_INCONSISTENT && isCulprit(left);
+  // Behind a start that is none they are their projection; impacts may have followed another one.
+  double velocity[kMaxShafts];
+  std::copy_n(left.state + S, S, velocity);
+  const bool is_known = is_of_modes || (status == SCENE_OK && program_->HOLDS > 0);
+  // The program is stricter with small values beside large ones than isNear is.
+  if (status == SCENE_INCONSISTENT && !is_of_modes)
+    status = tryToBegin(how, are_given, true, &left);
+  if (areFinite(left.state + S, S)) std::copy_n(left.state + S, S, state_ + S);
+  if (!is_known) judgeVelocities(status, may_move, velocity);
+  if (misfit_.kind != Misfit::Kind::kNone) {
+    status = SCENE_INCONSISTENT;
+  } else if (status == SCENE_INCONSISTENT) {
     misfit_.kind = Misfit::Kind::kModes;
     misfit_.element = left.it.culprit;
     misfit_.torque = left.it.culprit_torque;
     misfit_.slip = left.it.culprit_slip;
     return status;
-  }
-  const double* const velocity = left.state + S;
-  if (areFinite(velocity, S)) std::copy_n(velocity, S, state_ + S);
-  status = judgeVelocities(status, may_move || !is_moved, left);
-  if (status != SCENE_INCONSISTENT && misfit_.kind == Misfit::Kind::kNone) {
+  } else {
     if (search_ != nullptr) status = beginWithFound(how, are_given, &left);
     if (status == SCENE_OK && are_given && !may_move) status = judgeAccelerations(left);
     if (status == SCENE_OK) return status;
@@ -120,23 +124,23 @@ scene_status ProgramMotion::tryToBegin(Begin how, bool are_given, bool may_move,
   return status;
 }
 
-scene_status ProgramMotion::judgeVelocities(scene_status status, bool may_move, const Left& left) {
+bool ProgramMotion::isCulprit(const Left& left) const {
+  constexpr int kStuck = 0;  // in which it is tried for the torque that it would hold
+  return program_->HOLDS > 0 && left.it.culprit >= 0 && left.hold[left.it.culprit].mode == kStuck;
+}
+
+void ProgramMotion::judgeVelocities(scene_status status, bool may_move, const double* found) {
   const int S = scene.shaftCount();
   const double* const given = misfit_.given + S;
-  const double* const found = left.state + S;
   // Their projection comes first; the accelerations are those given, to the bit, where it fails.
-  const bool is_first =
-      program_->HAS_ORDER_1 != 0 && std::equal(given + S, given + 2 * S, found + S);
-  const bool are_kept = isNear(given, found, S);
-  const bool is_lost = status == SCENE_NOT_CONVERGED && is_first &&
-                       (program_->HOLDS == 0 || !are_kept);  // (modes are decided behind it)
-  const bool are_found = areFinite(found, S) && !is_lost;
-  if (are_found && (may_move || are_kept)) return status;
-  if (status == SCENE_SINGULAR && is_first) return status;
+  const bool is_first = program_->HAS_ORDER_1 != 0 && program_->HOLDS == 0 &&
+                        std::equal(given + S, given + 2 * S, found + S);
+  const bool are_found = areFinite(found, S) && !(status == SCENE_NOT_CONVERGED && is_first);
+  if (are_found && (may_move || isNear(given, found, S))) return;
+  if (status == SCENE_SINGULAR && is_first) return;
   misfit_.of_velocities = true;
   misfit_.kind = are_found ? Misfit::Kind::kInconsistent : Misfit::Kind::kNotFound;
   std::copy_n(found, S, misfit_.nearest);
-  return SCENE_INCONSISTENT;
 }
 
 scene_status ProgramMotion::judgeAccelerations(const Left& left) {

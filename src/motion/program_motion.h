@@ -96,8 +96,10 @@ class ProgramMotion final : public MotionBase {
   /// Looks for the accelerations of a beginning, where psi is not linear in them, and begins with
   /// them.
   scene_status beginWithFound(Begin how, bool are_given, Left* left);
+  /// True where an element that begins in another mode than the scene asks for ends it.
+  bool isCulprit(const Left& left) const;
   /// Compare what a beginning has led to with the values that were given.
-  scene_status judgeVelocities(scene_status status, bool may_move, const Left& left);
+  void judgeVelocities(scene_status status, bool may_move, const double* found);
   scene_status judgeAccelerations(const Left& left);
   /// Tells why no accelerations are found from those in state_.
   scene_status explainFault(scene_status status);
