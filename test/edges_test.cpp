@@ -138,20 +138,6 @@ TEST(InsideOfAStep, PeaksOfAnglesAreCounted) {
   }
 }
 
-// sqrt(max(0, x)) has no derivatives at 0, and needs none where it stays there.
-TEST(InsideOfAStep, ARootThatStaysAtZeroIsZero) {
-  for (const char* torque : {"sqrt(max(0, t - 2))", "max(0, w_a - 1)^0.7", "max(0, -t)^2.5"}) {
-    for (const StepperKind stepper : kControlled) {
-      for (const char* principle : kPrinciples) {
-        Simulation simulation(freeShaft(torque, stepper, principle, "0.5"));
-        const std::string what = label(stepper, torque) + ", " + principle;
-        ASSERT_TRUE(simulation.advanceTo(1.0).ok()) << what << simulation.describeStatus();
-        EXPECT_EQ(simulation.sample().velocity[0], 0.5) << what;
-      }
-    }
-  }
-}
-
 // The same of the angle: w^2/2 grows by the integral of the pulse over the angle.
 TEST(InsideOfAStep, PulsesOfAngleAreSeen) {
   for (const char* principle : kPrinciples) {

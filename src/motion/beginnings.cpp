@@ -89,14 +89,14 @@ scene_status ProgramMotion::beginNear(Begin how, bool are_given, bool may_move) 
   scene_status status = tryToBegin(how, are_given, may_move, &left);
   const bool is_of_modes = status == SCENE_INCONSISTENT && isCulprit(left);
   // Behind a start that is none they are their projection; impacts may have followed another one.
-  double velocity[kMaxShafts];
-  std::copy_n(left.state + S, S, velocity);
+  double found[2 * kMaxShafts];  // and the accelerations
+  std::copy_n(left.state + S, 2 * S, found);
   const bool is_known = is_of_modes || (status == SCENE_OK && program_->HOLDS > 0);
   // The program is stricter with small values beside large ones than isNear is.
   if (status == SCENE_INCONSISTENT && !is_of_modes)
     status = tryToBegin(how, are_given, true, &left);
   if (areFinite(left.state + S, S)) std::copy_n(left.state + S, S, state_ + S);
-  if (!is_known) judgeVelocities(status, may_move, velocity);
+  if (!is_known) judgeVelocities(status, may_move, found);
   if (misfit_.kind != Misfit::Kind::kNone) {
     status = SCENE_INCONSISTENT;
   } else if (status == SCENE_INCONSISTENT) {
@@ -133,10 +133,13 @@ void ProgramMotion::judgeVelocities(scene_status status, bool may_move, const do
   const int S = scene.shaftCount();
   const double* const given = misfit_.given + S;
   // Their projection comes first; the accelerations are those given, to the bit, where it fails.
-  const bool is_first = program_->HAS_ORDER_1 != 0 && program_->HOLDS == 0 &&
-                        std::equal(given + S, given + 2 * S, found + S);
-  const bool are_found = areFinite(found, S) && !(status == SCENE_NOT_CONVERGED && is_first);
-  if (are_found && (may_move || isNear(given, found, S))) return;
+  const bool is_first =
+      program_->HAS_ORDER_1 != 0 && std::equal(given + S, given + 2 * S, found + S);
+  const bool are_kept = isNear(given, found, S);
+  const bool is_lost = status == SCENE_NOT_CONVERGED && is_first &&
+                       (program_->HOLDS == 0 || !are_kept);  // (modes are decided behind it)
+  const bool are_found = areFinite(found, S) && !is_lost;
+  if (are_found && (may_move || are_kept)) return;
   if (status == SCENE_SINGULAR && is_first) return;
   misfit_.of_velocities = true;
   misfit_.kind = are_found ? Misfit::Kind::kInconsistent : Misfit::Kind::kNotFound;

@@ -338,24 +338,11 @@ VS_INLINE void vs_wronskian(Real* y, const Real* a, const Real* b, const Real* r
   if (n > 0) y[n - 1] = vs_convolve(rate_b, a, n - 1, 0, 0) - vs_convolve(rate_a, b, n - 1, 0, 0);
 }
 
-/* True where a power or a root of x begins at 0, where it has no derivatives, but x stays there up
- * to order n. kept: the reciprocal that the recurrence divides by. */
-VS_INLINE int vs_stays_at_zero(const Real* x, Real* kept, int n) {
-  if (!isinf(*kept)) return 0;
-  if (VS_IS_SAME(x[n], 0.0)) return 1;
-  *kept = NAN;
-  return 0;
-}
-
 /* y = sqrt(x): y_n = (x_n - sum_{0<k<n} y_k y_{n-k}) / (2 y_0) */
 VS_INLINE void vs_square_root(Real* y, const Real* x, int n) {
   if (n == 0) {
     y[0] = sqrt(x[0]);
     y[VS_KEPT] = 0.5 / y[0];
-    return;
-  }
-  if (vs_stays_at_zero(x, y + VS_KEPT, n)) {
-    y[n] = 0.0;
     return;
   }
   y[n] = (x[n] - vs_convolve_self(y, n, 1)) * y[VS_KEPT];
@@ -369,7 +356,7 @@ VS_INLINE void vs_power(Real* y, const Real* x, const Real* rate, int last, Real
     y[VS_KEPT] = 1.0 / x[0];
     return;
   }
-  if (vs_stays_at_zero(x, y + VS_KEPT, n) || (x[0] == 0.0 && n < k)) {
+  if (x[0] == 0.0 && n < k) {
     y[n] = 0.0;
     return;
   }
