@@ -324,7 +324,8 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   to->is_still = m->at_rest > 0.0;
   h->event = to->is_event ? m->event * m->series[h->taken].unit : h->made;
   /* An instant that rounding does not tell from an event shows the modes behind it. */
-  if ((HOLDS || EVENTS) && to->is_event) h->event -= 8.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time);
+  if ((HOLDS || EVENTS) && to->is_event)
+    h->event -= 8.0 * DBL_EPSILON * seriesLarger(1.0, m->now.time);
   to->event = h->event;
   return m->status;
 }
