@@ -53,8 +53,9 @@ std::vector<int> SeriesCompiler::rowsReadBy(const Instruction& it) const {
   std::vector<int> rows;
   std::copy_if(std::begin(it.operands), std::end(it.operands), std::back_inserter(rows),
                [](int row) { return row >= 0; });
-  for (int n = 0; it.code == Code::kLinear && n < it.aux[1]; ++n) {
-    rows.push_back(made_.terms_[static_cast<std::size_t>(it.aux[0] + n)].row);
+  if (it.code == Code::kLinear) {
+    const Term* const terms = made_.terms_.data() + it.aux[0];
+    for (int n = 0; n < it.aux[1]; ++n) rows.push_back(terms[n].row);
   }
   return rows;
 }

@@ -84,7 +84,7 @@ std::string ProgramMotion::setState(const MotionState& state, bool project) {
   }
   const scene_status status = goOnFrom(taken, project);
   if (status == SCENE_OK && status_.ok()) return "";
-  const std::string fault = describeFault(status);
+  std::string fault = describeFault(status);
   goOnFrom(before, false);
   return fault;
 }

@@ -185,6 +185,7 @@ bool ProgramMotion::leapsAhead(const double* slope, double least) {
 std::string ProgramMotion::findBranch(Element* owner) {
   const std::vector<expression::Branch>& branches = program_->branches();
   std::vector<expression::Node> arguments;
+  arguments.reserve(branches.size());
   for (const expression::Branch& it : branches) arguments.push_back(it.argument);
   const expression::Tape tape(*scene.graph, arguments);
   double slope[3 * kMaxShafts];

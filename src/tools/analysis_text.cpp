@@ -121,7 +121,7 @@ std::string describeModel(const LinearModel& model, bool with_matrices) {
 }
 
 std::string endingOfModel(const std::string& path) {
-  const std::string ending = endingOf(path);
+  std::string ending = endingOf(path);
   if (ending == ".csv" || ending == ".npz" || ending == ".mat") return ending;
   throw UsageError("'" + path + "' ends neither with .csv nor with .npz nor with .mat");
 }

@@ -118,7 +118,7 @@ std::string runPythonFile(const std::string& name, std::string argument, const s
   ::posix_spawn_file_actions_destroy(&actions);
   if (error != 0) throw OutputError(python + " (python3) cannot be run: " + std::strerror(error));
   const int status = waitFor(child, ends_early);
-  const std::string content = readAll(output);
+  std::string content = readAll(output);
   if (status != 0 && ends_early) endIfInterrupted();
   const std::string complaint = readAll(errors);
   if (status == 0) {
