@@ -54,13 +54,17 @@ bool AccelerationConstraints::factor(const StateView& state, double* psi) {
   return rows_.factor(mobility_);
 }
 
-bool AccelerationConstraints::calcCorrection(const StateView& state, double* delta) {
-  double psi[kMaxConstraints];
-  if (!factor(state, psi)) return false;
+void AccelerationConstraints::lessen(double* psi, double* delta) const {
   for (int m = 0; m < rowCount(); ++m) psi[m] = -psi[m];
   rows_.solve(psi, psi);
   std::fill_n(delta, S, 0.0);
   rows_.addReaction(psi, delta);
+}
+
+bool AccelerationConstraints::calcCorrection(const StateView& state, double* delta) {
+  double psi[kMaxConstraints];
+  if (!factor(state, psi)) return false;
+  lessen(psi, delta);
   return true;
 }
 
@@ -69,11 +73,8 @@ bool AccelerationConstraints::calcLinearizedReaction(const StateView& state, dou
   if (!factor(state, psi)) return false;
   for (int m = 0; m < rowCount(); ++m) {
     for (int i = 0; i < S; ++i) psi[m] += rows_.row(m)[i] * (free_(i) - state.acceleration[i]);
-    psi[m] = -psi[m];
   }
-  rows_.solve(psi, psi);
-  std::fill_n(delta, S, 0.0);
-  rows_.addReaction(psi, delta);
+  lessen(psi, delta);
   return true;
 }
 

@@ -51,6 +51,8 @@ class AccelerationConstraints {
  private:
   /// Factors C at `state` and writes psi.
   bool factor(const StateView& state, double* psi);
+  /// delta = -J^-1 C^T A^-1 psi, of C as it was factored; psi is lost.
+  void lessen(double* psi, double* delta) const;
 
   const int S;  // shafts
   const Scene& scene_;

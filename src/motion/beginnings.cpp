@@ -21,56 +21,31 @@ bool isNear(const double* given, const double* found, int count) {
   return distance <= kConsistent * scale;
 }
 
-/// The same of accelerations that follow from the state.
-bool agree(const double* given, const double* found, int count) {
-  for (int i = 0; i < count; ++i) {
-    if (!(std::abs(found[i] - given[i]) <= 1e-6 * std::max(1.0, std::abs(given[i])))) return false;
-  }
-  return true;
-}
-
 bool areFinite(const double* values, int count) {
   return std::all_of(values, values + count, [](double it) { return std::isfinite(it); });
 }
 
 }  // namespace
 
-/// What the program leaves, beside the motion's own values.
-struct ProgramMotion::Left {
-  Left() {
-    it.state = state;
-    it.multiplier = multiplier;
-    it.reaction = reaction;
-    it.longest = longest;
-    it.input = input;
-    it.hold = hold;
-    it.armed = armed;
+bool ProgramMotion::agree(const double* given, const double* found, int count) {
+  for (int i = 0; i < count; ++i) {
+    if (!(std::abs(found[i] - given[i]) <= 1e-6 * std::max(1.0, std::abs(given[i])))) return false;
   }
-  Left(const Left&) = delete;
-  Left& operator=(const Left&) = delete;
-
-  vs_exchange it = {};
-  double state[3 * kMaxShafts] = {};
-  double multiplier[kMostRows] = {};
-  double reaction[kMaxShafts] = {};
-  double longest[kMostRows] = {};
-  vs_exchanged_signal input[kMaxInputs] = {};
-  vs_exchanged_hold hold[kMaxHolds] = {};
-  int armed[kMaxEvents] = {};
-};
+  return true;
+}
 
 void ProgramMotion::start() {
   const int S = scene.shaftCount();
-  std::fill_n(state_, 3 * S, 0.0);
-  std::fill_n(multiplier_, kMostRows, 0.0);
-  std::fill_n(reaction_, kMaxShafts, 0.0);
-  std::fill_n(longest_, kMostRows, 0.0);
+  std::fill_n(it_.state, 3 * S, 0.0);
+  std::fill_n(it_.multiplier, Exchange::kMostRows, 0.0);
+  std::fill_n(it_.reaction, kMaxShafts, 0.0);
+  std::fill_n(it_.longest, Exchange::kMostRows, 0.0);
   it_.time = time;
   it_.time_rest = 0.0;
   const InitialConditions& initial = scene.initial;
-  std::copy(initial.angle.begin(), initial.angle.end(), state_);
-  std::copy(initial.velocity.begin(), initial.velocity.end(), state_ + S);
-  std::copy(initial.acceleration.begin(), initial.acceleration.end(), state_ + 2 * S);
+  std::copy(initial.angle.begin(), initial.angle.end(), it_.state);
+  std::copy(initial.velocity.begin(), initial.velocity.end(), it_.state + S);
+  std::copy(initial.acceleration.begin(), initial.acceleration.end(), it_.state + 2 * S);
   const scene_status status =
       beginNear(Begin::kStart, !initial.acceleration.empty(), initial.project);
   if (status != SCENE_OK && status_.ok()) {
@@ -84,26 +59,27 @@ void ProgramMotion::start() {
 scene_status ProgramMotion::beginNear(Begin how, bool are_given, bool may_move) {
   const int S = scene.shaftCount();
   misfit_ = {};
-  std::copy_n(state_, 3 * S, misfit_.given);
-  Left left;
+  std::copy_n(it_.state, 3 * S, misfit_.given);
+  Exchange left;
   scene_status status = tryToBegin(how, are_given, may_move, &left);
   const bool is_of_modes = status == SCENE_INCONSISTENT && isCulprit(left);
-  // Behind a start that is none they are their projection; impacts may have followed another one.
+  // A start that fails leaves the projection of the velocities; another one, what impacts made of
+  // it.
   double found[2 * kMaxShafts];  // and the accelerations
   std::copy_n(left.state + S, 2 * S, found);
   const bool is_known = is_of_modes || (status == SCENE_OK && program_->HOLDS > 0);
   // The program is stricter with small values beside large ones than isNear is.
   if (status == SCENE_INCONSISTENT && !is_of_modes)
     status = tryToBegin(how, are_given, true, &left);
-  if (areFinite(left.state + S, S)) std::copy_n(left.state + S, S, state_ + S);
+  if (areFinite(left.state + S, S)) std::copy_n(left.state + S, S, it_.state + S);
   if (!is_known) judgeVelocities(status, may_move, found);
   if (misfit_.kind != Misfit::Kind::kNone) {
     status = SCENE_INCONSISTENT;
   } else if (status == SCENE_INCONSISTENT) {
     misfit_.kind = Misfit::Kind::kModes;
-    misfit_.element = left.it.culprit;
-    misfit_.torque = left.it.culprit_torque;
-    misfit_.slip = left.it.culprit_slip;
+    misfit_.element = left.culprit;
+    misfit_.torque = left.culprit_torque;
+    misfit_.slip = left.culprit_slip;
     return status;
   } else {
     if (search_ != nullptr) status = beginWithFound(how, are_given, &left);
@@ -111,22 +87,22 @@ scene_status ProgramMotion::beginNear(Begin how, bool are_given, bool may_move) 
     if (status == SCENE_OK) return status;
     if (misfit_.kind == Misfit::Kind::kNone) status = explainFault(status);
   }
-  std::copy_n(misfit_.given, 3 * S, state_);
+  std::copy_n(misfit_.given, 3 * S, it_.state);
   begin(Begin::kSaved);
   return status;
 }
 
-scene_status ProgramMotion::tryToBegin(Begin how, bool are_given, bool may_move, Left* left) {
+scene_status ProgramMotion::tryToBegin(Begin how, bool are_given, bool may_move, Exchange* left) {
   it_.are_given = are_given ? 1 : 0;
   it_.may_move = may_move ? 1 : 0;
   const scene_status status = begin(how);
-  host_->leave(&left->it);
+  host_->leave(left);
   return status;
 }
 
-bool ProgramMotion::isCulprit(const Left& left) const {
+bool ProgramMotion::isCulprit(const Exchange& left) const {
   constexpr int kStuck = 0;  // in which it is tried for the torque that it would hold
-  return program_->HOLDS > 0 && left.it.culprit >= 0 && left.hold[left.it.culprit].mode == kStuck;
+  return program_->HOLDS > 0 && left.culprit >= 0 && left.hold[left.culprit].mode == kStuck;
 }
 
 void ProgramMotion::judgeVelocities(scene_status status, bool may_move, const double* found) {
@@ -146,7 +122,7 @@ void ProgramMotion::judgeVelocities(scene_status status, bool may_move, const do
   std::copy_n(found, S, misfit_.nearest);
 }
 
-scene_status ProgramMotion::judgeAccelerations(const Left& left) {
+scene_status ProgramMotion::judgeAccelerations(const Exchange& left) {
   const int S = scene.shaftCount();
   const double* const given = misfit_.given + 2 * S;
   const double* const found = left.state + 2 * S;
@@ -159,14 +135,14 @@ scene_status ProgramMotion::judgeAccelerations(const Left& left) {
   return SCENE_INCONSISTENT;
 }
 
-scene_status ProgramMotion::beginWithFound(Begin how, bool are_given, Left* left) {
+scene_status ProgramMotion::beginWithFound(Begin how, bool are_given, Exchange* left) {
   using Verdict = FirstAccelerations::Verdict;
   const int S = scene.shaftCount();
   const bool is_classical = program_->IS_CLASSICAL != 0;
   const double* const given = misfit_.given + 2 * S;
-  double* const epsilon = state_ + 2 * S;
+  double* const epsilon = it_.state + 2 * S;
   std::copy_n(given, S, epsilon);
-  const StateView at = viewOf(state_, time);
+  const StateView at = viewOf(it_.state, time);
   const auto follow = [&] {
     double multipliers[kMaxShafts] = {};
     std::copy_n(given, S, epsilon);
@@ -188,13 +164,13 @@ scene_status ProgramMotion::beginWithFound(Begin how, bool are_given, Left* left
   if (verdict == Verdict::kTie) misfit_.kind = Misfit::Kind::kNotUnique;
   if (verdict == Verdict::kDoubtful) misfit_.kind = Misfit::Kind::kDoubtful;
   if (verdict != Verdict::kFound) return SCENE_NOT_CONVERGED;
-  if (is_classical) search_->calcMultipliers(at, multiplier_);
+  if (is_classical) search_->calcMultipliers(at, it_.multiplier);
   return tryToBegin(how, true, true, left);
 }
 
 scene_status ProgramMotion::explainFault(scene_status status) {
   const int S = scene.shaftCount();
-  const StateView at = viewOf(state_, time);
+  const StateView at = viewOf(it_.state, time);
   status_.time = time;
   if (findBadValue(at)) return SCENE_NOT_FINITE;
   // A rank is lost on psi = 0 only; elsewhere no start was found at all.
@@ -209,7 +185,7 @@ scene_status ProgramMotion::explainFault(scene_status status) {
   }
   if (!is_missed || program_->HOLDS > 0) return status;
   misfit_.kind = Misfit::Kind::kNotFound;
-  std::copy_n(state_ + 2 * S, S, misfit_.given + 2 * S);
+  std::copy_n(it_.state + 2 * S, S, misfit_.given + 2 * S);
   return SCENE_NOT_CONVERGED;
 }
 

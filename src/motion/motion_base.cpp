@@ -22,16 +22,6 @@ const MotionStatus& MotionBase::advanceTo(double end) {
     is_sample_valid_ = false;
     return status();
   }
-  try {
-    return advance(end);
-  } catch (...) {
-    // Plugins do not throw; after one that does the motion can continue from its last step.
-    recover();
-    throw;
-  }
-}
-
-const MotionStatus& MotionBase::advance(double end) {
   settle();
   leaveStart();
   // Timeouts of commands are events of the motion and act without a caller.

@@ -133,11 +133,8 @@ struct MotionBase {
   /// so the accelerations of least reaction are those with it; the others set targets.
   virtual void changeInitialInputs() = 0;
   virtual void takeSample(Sample* sample) = 0;
-  /// Goes back to the start of the last step after an exception.
-  virtual void recover() = 0;
 
  private:
-  const MotionStatus& advance(double end);
   /// Moves the current time to `end`, or to the time of a stop.
   void moveTo(double end);
   bool isAnyCommandNew() const;

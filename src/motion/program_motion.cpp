@@ -73,15 +73,8 @@ ProgramMotion::ProgramMotion(Scene its_scene, std::shared_ptr<const MotionProgra
       past_(*program_),
       progress_(scene.solver.maximum_steps),
       energy_(scene, hasMoreThanLaws(scene) || areRowsConstant(scene), scene.shaftCount()) {
-  it_.state = state_;
-  it_.multiplier = multiplier_;
-  it_.reaction = reaction_;
-  it_.longest = longest_;
-  it_.input = input_;
   entries_.resize(static_cast<std::size_t>(program_->K) * scene.shafts.size());
-  it_.hold = hold_;
   if (program_->HOLDS > 0 || program_->EVENTS > 0) events_.resize(kMostEvents);
-  it_.armed = armed_;
   it_.past = past_.data();
   reset();
   if (like != nullptr) useCodeOf(*like);
@@ -123,8 +116,8 @@ scene_status ProgramMotion::begin(Begin how) {
 void ProgramMotion::describeInputs() {
   for (int n = 0; n < scene.inputCount(); ++n) {
     const CommandSignal::Closed from = signal_[n].closed();
-    input_[n] = {from.form,        from.start,  from.target, from.slope,
-                 from.inverse_tau, from.linear, -from.since, from.end - from.since};
+    it_.input[n] = {from.form,        from.start,  from.target, from.slope,
+                    from.inverse_tau, from.linear, -from.since, from.end - from.since};
   }
 }
 
@@ -132,7 +125,7 @@ void ProgramMotion::takeMemory() {
   for (int i = 0; i < scene.inputCount(); ++i) {
     const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(i)];
     if (input.kind == InputKind::kCommanded) continue;
-    signal_[i].command(input, signalTime(), input_[i].start);
+    signal_[i].command(input, signalTime(), it_.input[i].start);
   }
 }
 
@@ -193,14 +186,6 @@ bool ProgramMotion::step(double /*end*/) {
   return true;
 }
 
-void ProgramMotion::recover() {
-  has_step_ = is_still_ = false;
-  begin_ = it_.time;
-  begin_rest_ = it_.time_rest;
-  time = frontTime();
-  forgetSample();
-}
-
 double ProgramMotion::lastInside() const {
   const double reached = frontTime();
   return sinceFront(reached) > 0.0 ? std::nextafter(reached, 0.0) : reached;
@@ -223,8 +208,8 @@ bool ProgramMotion::cut() {
   }
   host_->leave(&it_);
   has_step_ = is_still_ = false;
-  energy_.cut(time, energy_.appliedBefore() + work, energy_.throughputBefore() + through, state_,
-              state_ + scene.shaftCount());
+  energy_.cut(time, energy_.appliedBefore() + work, energy_.throughputBefore() + through, it_.state,
+              it_.state + scene.shaftCount());
   return true;
 }
 
@@ -356,11 +341,11 @@ void ProgramMotion::noteEnergy() {
   if (energy_.isWatched()) {
     if (!energy_.hasDirections()) {
       host_->look(0.0, entries_.data());
-      energy_.noteDirections(entries_.data(), state_);
+      energy_.noteDirections(entries_.data(), it_.state);
     }
     host_->look(it_.made, entries_.data());
   }
-  energy_.noteStep(frontTime(), work, through, state_, state_ + scene.shaftCount(),
+  energy_.noteStep(frontTime(), work, through, it_.state, it_.state + scene.shaftCount(),
                    entries_.data());
 }
 

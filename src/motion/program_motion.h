@@ -9,6 +9,7 @@
 #include "dynamics/first_accelerations.h"
 #include "motion/command_rhythm.h"
 #include "motion/energy_balance.h"
+#include "motion/exchange.h"
 #include "motion/motion_base.h"
 #include "motion/motion_past.h"
 #include "motion/progress.h"
@@ -62,7 +63,6 @@ class ProgramMotion final : public MotionBase {
   static constexpr int kMostBetween = 64;
   /// s: the length of a first step is found from a series in this unit.
   static constexpr double kFirstUnit = 1e-3;
-  static constexpr int kMostRows = kMaxConstraints + kMaxHolds;
   /// Changes of modes that wait to be taken; older ones are forgotten.
   static constexpr std::size_t kMostEvents = 1024;
 
@@ -75,7 +75,6 @@ class ProgramMotion final : public MotionBase {
   void changeInputs() override;
   void changeInitialInputs() override;
   void takeSample(Sample* sample) override;
-  void recover() override;
 
   void noteEnergy();
   /// Returns that of the current sample, J.
@@ -90,18 +89,17 @@ class ProgramMotion final : public MotionBase {
   /// its accelerations if they `are_given`. Where it does not, tells why in misfit_ or, of
   /// SCENE_SINGULAR and SCENE_NOT_FINITE, in status_, and begins at the state as it is.
   scene_status beginNear(Begin how, bool are_given, bool may_move);
-  struct Left;
   /// Begins as `how` says, and writes what that has led to.
-  scene_status tryToBegin(Begin how, bool are_given, bool may_move, Left* left);
+  scene_status tryToBegin(Begin how, bool are_given, bool may_move, Exchange* left);
   /// Looks for the accelerations of a beginning, where psi is not linear in them, and begins with
   /// them.
-  scene_status beginWithFound(Begin how, bool are_given, Left* left);
+  scene_status beginWithFound(Begin how, bool are_given, Exchange* left);
   /// True where an element that begins in another mode than the scene asks for ends it.
-  bool isCulprit(const Left& left) const;
+  bool isCulprit(const Exchange& left) const;
   /// Compare what a beginning has led to with the values that were given.
   void judgeVelocities(scene_status status, bool may_move, const double* found);
-  scene_status judgeAccelerations(const Left& left);
-  /// Tells why no accelerations are found from those in state_.
+  scene_status judgeAccelerations(const Exchange& left);
+  /// Tells why no accelerations are found from those in it_.
   scene_status explainFault(scene_status status);
   bool isOnConstraints(const StateView& state) const;
   /// Begins from a state of elsewhere.
@@ -128,6 +126,11 @@ class ProgramMotion final : public MotionBase {
   /// Stops at the end of the last step, and finds out why.
   void stop(scene_status status);
   void explainStop();
+  /// True where accelerations that follow from the state agree with given ones.
+  static bool agree(const double* given, const double* found, int count);
+  /// Follows the accelerations of the front, with their multipliers, to the other values of a state
+  /// `h` s ahead of it. False where there are none.
+  bool followAhead(double h, double* values, double* multipliers);
   /// Looks for a law that is not finite, or accelerations that end, just ahead of the front, whose
   /// state has these slopes. `least`: the first distance, s.
   bool findFaultAhead(const double* slope, double least);
@@ -170,21 +173,14 @@ class ProgramMotion final : public MotionBase {
   static constexpr int kFewSteps = 3;
 
   const std::shared_ptr<const MotionProgram> program_;
-  /// Of a scene in which psi is not linear in the accelerations, or null.
+  /// Finds first accelerations where psi is not linear in them; else null.
   const std::unique_ptr<FirstAccelerations> search_;
   std::unique_ptr<HostedMotion> host_;
   std::unique_ptr<HostedMotion> next_host_;  ///< takes over at the next beginning, or null
   std::shared_ptr<KernelLibrary> library_;   ///< of machine code, or null
   int made_since_ = 0;                       ///< steps, since the state was given
 
-  vs_exchange it_ = {};  ///< its arrays are those below; its time is the end of the last step
-  double state_[3 * kMaxShafts] = {};
-  double multiplier_[kMostRows] = {};
-  double reaction_[kMaxShafts] = {};
-  double longest_[kMostRows] = {};
-  vs_exchanged_hold hold_[kMaxHolds] = {};
-  vs_exchanged_signal input_[kMaxInputs] = {};
-  int armed_[kMaxEvents] = {};
+  Exchange it_;  ///< its time is the end of the last step
   MotionPast past_;
   double seen_input_[3 * kMaxInputs] = {};  ///< in the last sample; the value, u' and u'' of each
   double begin_ = 0.0;                      ///< start of the last step, s

@@ -14,20 +14,20 @@ bool ProgramMotion::saveState(MotionState* state) {
   takeMemory();
   *state = MotionState{};
   state->time = time;
-  std::copy_n(state_, S, state->angle);
-  std::copy_n(state_ + S, S, state->velocity);
-  std::copy_n(state_ + 2 * S, S, state->acceleration);
+  std::copy_n(it_.state, S, state->angle);
+  std::copy_n(it_.state + S, S, state->velocity);
+  std::copy_n(it_.state + 2 * S, S, state->acceleration);
   writeInputs(state);
   state->history.exists = true;
   state->history.is_implicit = isImplicit();
-  std::copy_n(longest_, scene.constraintCount(), state->history.longest_row);
+  std::copy_n(it_.longest, scene.constraintCount(), state->history.longest_row);
   state->history.has_multipliers = true;
-  std::copy_n(multiplier_, scene.constraintCount(), state->history.multiplier);
+  std::copy_n(it_.multiplier, scene.constraintCount(), state->history.multiplier);
   saveHeld(state->history.held);
-  std::copy_n(armed_, kMaxEvents, state->history.armed);
+  std::copy_n(it_.armed, kMaxEvents, state->history.armed);
   state->history.past = past_.save();
   state->history.kept_reaction.exists = true;
-  std::copy_n(reaction_, S, state->history.kept_reaction.value);
+  std::copy_n(it_.reaction, S, state->history.kept_reaction.value);
   state->history.energy = energy_.account();
   return goOnFrom(*state, false) == SCENE_OK;
 }
@@ -45,14 +45,14 @@ scene_status ProgramMotion::goOnFrom(const MotionState& state, bool may_move) {
     signal_[i] = state.signal[i];
     commands.setLastTime(i, state.last_command[i]);
   }
-  std::copy_n(state.angle, S, state_);
-  std::copy_n(state.velocity, S, state_ + S);
-  std::copy_n(state.acceleration, S, state_ + 2 * S);
-  std::copy_n(state.history.longest_row, scene.constraintCount(), longest_);
-  std::copy_n(state.history.multiplier, scene.constraintCount(), multiplier_);
+  std::copy_n(state.angle, S, it_.state);
+  std::copy_n(state.velocity, S, it_.state + S);
+  std::copy_n(state.acceleration, S, it_.state + 2 * S);
+  std::copy_n(state.history.longest_row, scene.constraintCount(), it_.longest);
+  std::copy_n(state.history.multiplier, scene.constraintCount(), it_.multiplier);
   restoreHeld(state.history.held);
-  std::copy_n(state.history.kept_reaction.value, S, reaction_);
-  std::copy_n(state.history.armed, kMaxEvents, armed_);
+  std::copy_n(state.history.kept_reaction.value, S, it_.reaction);
+  std::copy_n(state.history.armed, kMaxEvents, it_.armed);
   it_.time = time;
   it_.time_rest = 0.0;
   it_.choice = {};
@@ -101,16 +101,16 @@ std::string ProgramMotion::describeFault(scene_status status) {
 void ProgramMotion::saveHeld(HeldState* held) const {
   for (int h = 0; h < program_->HOLDS; ++h) {
     const int row = program_->CONSTRAINTS + h;
-    held[h] = {hold_[h].mode, hold_[h].counts,  hold_[h].side,
-               hold_[h].heat, multiplier_[row], longest_[row]};
+    held[h] = {it_.hold[h].mode, it_.hold[h].counts,  it_.hold[h].side,
+               it_.hold[h].heat, it_.multiplier[row], it_.longest[row]};
   }
 }
 
 void ProgramMotion::restoreHeld(const HeldState* held) {
   for (int h = 0; h < program_->HOLDS; ++h) {
-    hold_[h] = {held[h].mode, held[h].counts, held[h].side, held[h].heat};
-    multiplier_[program_->CONSTRAINTS + h] = held[h].multiplier;
-    longest_[program_->CONSTRAINTS + h] = held[h].longest_row;
+    it_.hold[h] = {held[h].mode, held[h].counts, held[h].side, held[h].heat};
+    it_.multiplier[program_->CONSTRAINTS + h] = held[h].multiplier;
+    it_.longest[program_->CONSTRAINTS + h] = held[h].longest_row;
   }
 }
 

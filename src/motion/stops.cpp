@@ -49,7 +49,7 @@ void ProgramMotion::explainStop() {
   const double front = frontTime();
   double slope[3 * kMaxShafts];
   calcSlope(slope);
-  const StateView state = viewOf(state_, front);
+  const StateView state = viewOf(it_.state, front);
   if (quantities.isInertiaLost(state)) status_.reason = StopReason::kIndefiniteInertia;
   switch (status_.reason) {
     case StopReason::kChattering:
@@ -73,7 +73,7 @@ void ProgramMotion::explainStop() {
     return;
   }
   for (int i = 0; i < (program_->IS_CLASSICAL != 0 ? 2 : 3) * S; ++i) {
-    const double rate = std::abs(slope[i]) / std::max(1.0, std::abs(state_[i]));
+    const double rate = std::abs(slope[i]) / std::max(1.0, std::abs(it_.state[i]));
     status_.measure = std::max(status_.measure, rate);
   }
 }
@@ -82,7 +82,7 @@ void ProgramMotion::calcSlope(double* slope) {
   const int S = scene.shaftCount();
   Sample unused;
   look(std::numeric_limits<double>::infinity(), &unused, slope + 2 * S);
-  std::copy_n(state_ + S, 2 * S, slope);
+  std::copy_n(it_.state + S, 2 * S, slope);
 }
 
 double ProgramMotion::leastDistance() const {
@@ -128,10 +128,19 @@ bool ProgramMotion::findLostRow(const StateView& state, int highest_order) {
   }
   for (int n = 0; n < count; ++n) {
     // If C goes to zero like sqrt(t* - t), the step underflows first, at C ~ 1e-8.
-    const double left = std::sqrt(rows.lengthSquared(n) / std::max(longest_[which[n]], 1e-300));
+    const double left = std::sqrt(rows.lengthSquared(n) / std::max(it_.longest[which[n]], 1e-300));
     if (left < 1e-5) return blame(n, left);
   }
   return false;
+}
+
+bool ProgramMotion::followAhead(double h, double* values, double* multipliers) {
+  const int S = scene.shaftCount();
+  const double front = frontTime();
+  double* const epsilon = values + 2 * S;
+  std::copy_n(it_.state + 2 * S, S, epsilon);
+  search_->calcMultipliers(viewOf(it_.state, front), multipliers);
+  return search_->follow(viewOf(values, front + h), epsilon, multipliers);
 }
 
 bool ProgramMotion::findFaultAhead(const double* slope, double least) {
@@ -140,19 +149,13 @@ bool ProgramMotion::findFaultAhead(const double* slope, double least) {
   const bool follows = search_ != nullptr && program_->IS_CLASSICAL != 0;
   double h = least;
   for (int decade = 0; decade < 12; ++decade, h *= 10.0) {
-    Ahead ahead(state_, slope, 3 * S, h);
+    Ahead ahead(it_.state, slope, 3 * S, h);
     if (!std::all_of(ahead.values, ahead.values + 3 * S, [](double x) { return std::isfinite(x); }))
       return false;
     double multipliers[kMaxShafts] = {};
-    double* const epsilon = ahead.values + 2 * S;
-    if (follows) {
-      std::copy_n(state_ + 2 * S, S, epsilon);
-      search_->calcMultipliers(viewOf(state_, front), multipliers);
-    }
-    const StateView state = viewOf(ahead.values, front + h);
-    const bool is_solved = !follows || search_->follow(state, epsilon, multipliers);
-    if (!is_solved) std::fill_n(epsilon, S, kNaN);
-    if (findBadValue(state)) return true;
+    const bool is_solved = !follows || followAhead(h, ahead.values, multipliers);
+    if (!is_solved) std::fill_n(ahead.values + 2 * S, S, kNaN);
+    if (findBadValue(viewOf(ahead.values, front + h))) return true;
     if (is_solved) continue;
     status_.reason = StopReason::kProjectionFailed;
     return true;
@@ -166,18 +169,13 @@ bool ProgramMotion::leapsAhead(const double* slope, double least) {
   if (search_ == nullptr || program_->IS_CLASSICAL == 0) return false;
   double h = least;
   for (int decade = 0; decade <= kReach; ++decade, h *= 10.0) {
-    Ahead ahead(state_, slope, 2 * S, h);
+    Ahead ahead(it_.state, slope, 2 * S, h);
     double multipliers[kMaxShafts] = {};
     double* const epsilon = ahead.values + 2 * S;
-    std::copy_n(state_ + 2 * S, S, epsilon);
-    search_->calcMultipliers(viewOf(state_, front), multipliers);
-    if (!search_->follow(viewOf(ahead.values, front + h), epsilon, multipliers)) return false;
+    if (!followAhead(h, ahead.values, multipliers)) return false;
     // Continued back to the front, another branch leads to other accelerations.
-    if (!search_->follow(viewOf(state_, front), epsilon, multipliers)) continue;
-    for (int i = 0; i < S; ++i) {
-      const double here = state_[2 * S + i];
-      if (!(std::abs(epsilon[i] - here) <= 1e-6 * std::max(1.0, std::abs(here)))) return true;
-    }
+    const bool leads_back = search_->follow(viewOf(it_.state, front), epsilon, multipliers);
+    if (leads_back && !agree(it_.state + 2 * S, epsilon, S)) return true;
   }
   return false;
 }
@@ -193,7 +191,7 @@ std::string ProgramMotion::findBranch(Element* owner) {
   const double reach = std::pow(10.0, kReach) * leastDistance();
   std::vector<int> signs[3];
   for (int side = -1; side <= 1; ++side) {
-    const Ahead ahead(state_, slope, 3 * scene.shaftCount(), side * reach);
+    const Ahead ahead(it_.state, slope, 3 * scene.shaftCount(), side * reach);
     const double* const values = tape.evaluate(viewOf(ahead.values, frontTime() + side * reach));
     for (std::size_t n = 0; n < branches.size(); ++n) {
       signs[side + 1].push_back((values[n] > 0.0) - (values[n] < 0.0));

@@ -195,7 +195,6 @@ VS_FUNCTION_RARE void vs_forget_polynomials(scene_series* it) {
     for (n = 1; n <= it->order + 1; ++n) it->row[shown_row[r]][n] = 0.0;
   }
   it->method = VS_BY_SERIES;
-  it->is_path = 0; /* (A plugin may have thrown on a path.) */
 }
 
 /* Order 0 of all formulas is known. gauss: of the multipliers, too. is_factored: of the last
