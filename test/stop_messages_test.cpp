@@ -215,7 +215,7 @@ TEST(BesideABrake, StopsNameTheElementAndAWayOut) {
   }
 }
 
-/// What a start beside a brake says: how it stops at once, or is refused.
+/// Returns the message of a start beside a brake: of a stop at once, or of a refusal.
 std::string startBesideABrake(const std::string& torque, const std::string& psi,
                               const std::string& velocity) {
   const std::string scene =

@@ -39,8 +39,8 @@ function gather(flows) {
     [`${rest.length} others`, rest.reduce((sum, [, value]) => sum + value, 0), "#9aa5b0"]];
 }
 
-// Of one side: from the top, each bar in the middle of a place that has room for its label; `middle` is where its band
-// leaves the bar between both sides.
+// Places the bars of one side from the top, each in the middle of a place that has room for its label; `middle` is
+// where its band leaves the bar between both sides.
 function side(flows, total, x, anchor) {
   const place = (value, scale) => Math.max(Math.abs(value) * scale + GAP, LABEL);
   const room = (scale) => flows.reduce((sum, [, value]) => sum + place(value, scale), 0);

@@ -47,7 +47,7 @@ def printing():
             yield
             sys.stdout.flush()
     except OSError as error:
-        # What is left in the buffer must not fail once more when the program ends.
+        # The rest of the buffer must not fail once more when the program ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
             raise

@@ -291,7 +291,7 @@ class Task:
         except NoController:
             raise
         except Exception as error:  # pylint: disable=broad-except
-            # Of the controller, too, which may raise any: the other runs go on.
+            # A controller may raise any exception: the other runs go on.
             kind = "" if isinstance(error, (SceneError, MotionStopped)) else f"{type(error).__name__}: "
             return [math.nan] * len(metrics), f"{kind}{error} {where}"
 

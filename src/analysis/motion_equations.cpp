@@ -157,7 +157,7 @@ void MotionEquations::addLosses(const HoldFormulas& hold, LossMode mode) {
     Node& D = loaded.D[at(i)];
     D = graph_.subtract(D, graph_.multiply(C, slope));
     torques_[at(i)] = graph_.subtract(torques_[at(i)], graph_.multiply(C, base));
-    // Of R = D^T lambda with dD/dt lambda as a part of R' lambda would be a state.
+    // Where D changes, R' = D^T lambda' + dD/dt^T lambda, and lambda would be a state.
     if (scene_.principle == Principle::kGauss || graph_.isConstant(D)) continue;
     throw SceneError(hold.name,
                      "has losses whose part of the torque changes, which linear models and steady "

@@ -154,7 +154,7 @@ class Workshop {
   const std::string& output() const { return files_[0]; }
   const std::string& source() const { return files_[1]; }
   const std::string& object(unsigned unit) const { return files_[2 + unit]; }
-  /// What the compiler says.
+  /// Returns the file of the compiler's messages.
   const std::string& messages() const { return files_.back(); }
   /// (Calls nothing that a forked process must not call.)
   void remove() const {

@@ -1,4 +1,4 @@
-/// What code of other packages has thrown: anything.
+/// Descriptions of exceptions of any type, as code of other packages may throw them.
 #pragma once
 
 #include <cxxabi.h>

@@ -174,7 +174,7 @@ SweepRow runRow(const SweepRequest& request, const std::vector<double>& values,
   return row;
 }
 
-/// What the threads of a sweep share; one that a plugin blocks may outlive the sweep.
+/// The data that the threads of a sweep share; a thread that a plugin blocks may outlive the sweep.
 struct Sweep {
   Sweep(SweepRequest its_request, std::vector<std::vector<double>> its_values,
         std::shared_ptr<ComponentFactory> its_factory)

@@ -47,7 +47,7 @@ void LiveSettings::change(const char* name, const std::string& fault, const char
     (loop_.*set)(value);
     return;
   }
-  // What lies beyond the limits of the generated code has been moved to them.
+  // The generated code has moved values beyond its limits to these.
   const bool is_less = value <= VariatorSimConfig::__getMin__().*member;
   const bool is_more = value >= VariatorSimConfig::__getMax__().*member;
   ROS_WARN("%s: %s %g%s%s; it stays %g%s", name_.c_str(), name, value,

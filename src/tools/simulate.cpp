@@ -43,7 +43,7 @@ enum ExitStatus {
   kSignalBase = 128
 };
 
-/// What a signal finds the program at.
+/// The work that a signal interrupts.
 enum Work : std::sig_atomic_t {
   kReading,    ///< nothing polls g_signal, and no output has to be completed
   kComputing,  ///< g_signal is polled, unless a plugin blocks
@@ -72,8 +72,8 @@ void takeSignal(int signal) {
   ringIn(800);
 }
 
-/// What computes has not heard the signal: the second time, as the first one may come from a
-/// machine with so much to do that nothing was computed since.
+/// Ends a computation that has not heard the signal: at the second alarm, as the first one may come
+/// from a machine with so much to do that nothing was computed since.
 void takeAlarm(int /*signal*/) {
   if (g_work != kComputing) return;
   if (g_has_rung == 0) {
