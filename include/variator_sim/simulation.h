@@ -14,7 +14,7 @@
 
 namespace variator_sim {
 
-struct MotionBase;
+struct Motion;
 
 enum class CommandResult { kAccepted, kClamped, kRefused };
 
@@ -154,8 +154,8 @@ class Simulation {
   bool isSleeping() const;
 
  private:
-  friend struct MotionBase;
-  std::unique_ptr<MotionBase> motion_;
+  friend struct Motion;
+  std::unique_ptr<Motion> motion_;
 };
 
 }  // namespace variator_sim

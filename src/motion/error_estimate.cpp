@@ -6,7 +6,7 @@
 #include <limits>
 #include <sstream>
 
-#include "motion/motion_base.h"
+#include "motion/motion.h"
 
 namespace variator_sim {
 namespace {
@@ -107,7 +107,7 @@ bool ErrorEstimate::compare(const double* run, const double* companion, std::siz
   return is_at_rounding;
 }
 
-void ErrorEstimate::judge(MotionBase& run, Sample* sample) {
+void ErrorEstimate::judge(Motion& run, Sample* sample) {
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   companion_.advanceTo(run.time);
   const Sample& other = companion_.sample();
@@ -146,16 +146,16 @@ void ErrorEstimate::judge(MotionBase& run, Sample* sample) {
 
 /// Both motions run ahead of the current time, by different steps: a difference counts only if it
 /// is older than the last step of either, and the same since.
-void ErrorEstimate::noteEdges(MotionBase& run) {
+void ErrorEstimate::noteEdges(Motion& run) {
   const auto before = counted_more_;
-  counted_more_ = static_cast<std::int64_t>(run.statistics().kinks) -
+  counted_more_ = static_cast<std::int64_t>(run.statistics.kinks) -
                   static_cast<std::int64_t>(companion_.statistics().kinks);
   if (counted_more_ == 0) {
     counts_differ_ = -1.0;
     return;
   }
   if (counts_differ_ < 0.0 || counted_more_ != before) {
-    counts_differ_ = std::max(run.frontTime(), MotionBase::of(companion_).frontTime());
+    counts_differ_ = std::max(run.program.front(), Motion::of(companion_).program.front());
   }
   if (doubt_.parted < 0.0 && run.time > counts_differ_) doubt_.parted = run.time;
 }

@@ -23,7 +23,7 @@
 
 namespace variator_sim {
 
-struct MotionBase;
+struct Motion;
 
 /// The Simulation gives the companion the same commands as the run and advances it, too.
 class ErrorEstimate {
@@ -35,7 +35,7 @@ class ErrorEstimate {
   /// Counts errors from here on.
   void forget();
   /// Writes the estimated errors of the run's sample at its current time into it. [loop]
-  void judge(MotionBase& run, Sample* sample);
+  void judge(Motion& run, Sample* sample);
   const ErrorDoubt& doubt() const { return doubt_; }
   std::string describe() const;
 
@@ -45,7 +45,7 @@ class ErrorEstimate {
   bool compare(const double* run, const double* companion, std::size_t count, double* largest,
                double* error);
   /// Notes when the laws of both have jumped a different number of times.
-  void noteEdges(MotionBase& run);
+  void noteEdges(Motion& run);
 
   Simulation companion_;
   const double relative_;  // tolerances of the run

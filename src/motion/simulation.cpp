@@ -8,8 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "motion/program_motion.h"
-#include "motion/stop_message.h"
+#include "motion/motion.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/interruption.h"
 
@@ -17,22 +16,11 @@ namespace variator_sim {
 
 namespace {
 
-std::unique_ptr<MotionBase> makeMotion(Scene scene, const MotionBase* like) {
+std::unique_ptr<Motion> makeMotion(Scene scene, const Motion* like) {
   if (scene.shaftCount() < 1 || scene.shaftCount() > kMaxShafts) {
     throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
   }
-  const auto make = [&] {
-    return std::make_shared<const MotionProgram>(scene, std::vector<expression::Node>{},
-                                                 MotionProgram::Steps::kByStepper);
-  };
-  auto program =
-      ProgramMotion::hasMoreThanLaws(scene)
-          ? orRefuse(
-                "cannot be stepped by power series, as states, events and elements that hold are",
-                make)
-          : make();
-  return std::make_unique<ProgramMotion>(std::move(scene), std::move(program),
-                                         dynamic_cast<const ProgramMotion*>(like));
+  return std::make_unique<Motion>(std::move(scene), like);
 }
 
 /// Tells whether missing code is compiled, and whether a busy compiler is waited for.
@@ -59,7 +47,7 @@ double Simulation::time() const {
   return motion_->time;
 }
 const MotionStatus& Simulation::status() const {
-  return motion_->status();
+  return motion_->status;
 }
 double Simulation::quietUntil() const {
   return motion_->quietUntil();
@@ -86,19 +74,19 @@ bool Simulation::takeModeEvent(ModeEvent* event) {
 }
 
 void Simulation::exhaustTime() {
-  motion_->exhaustTime();
+  motion_->stop(StopReason::kTimeExhausted);
 }
 
 // --- commands --------------------------------------------------------------------------------
 
 CommandResult Simulation::command(int input, double value) {
   if (motion_->error_estimate) motion_->error_estimate->companion().command(input, value);
-  Statistics& statistics = motion_->statistics();
+  Statistics& statistics = motion_->statistics;
   if (!std::isfinite(value)) {
     ++statistics.commands_refused;
     return CommandResult::kRefused;
   }
-  const bool is_clamped = motion_->commands.add(input, value, motion_->time);
+  const bool is_clamped = motion_->inputs.commands.add(input, value, motion_->time);
   motion_->forgetSample();
   ++statistics.commands_accepted;
   if (!is_clamped) return CommandResult::kAccepted;
@@ -106,10 +94,10 @@ CommandResult Simulation::command(int input, double value) {
   return CommandResult::kClamped;
 }
 double Simulation::firstClampedCommand(int input) const {
-  return motion_->commands.firstClamped(input);
+  return motion_->inputs.commands.firstClamped(input);
 }
 double Simulation::nextTimeout() const {
-  return motion_->commands.nextTimeout();
+  return motion_->inputs.commands.nextTimeout();
 }
 
 // --- state at the current time, after its commands -------------------------------------------
@@ -135,8 +123,8 @@ void Simulation::calcQuantities(QuantityGroup group, double* values) {
 }
 
 void Simulation::trackEnergy(bool on) {
-  if (on == motion_->isEnergyTracked()) return;
-  motion_->trackEnergy(on);
+  if (on == motion_->is_energy_tracked) return;
+  motion_->is_energy_tracked = on;
   motion_->forgetSample();
 }
 Energy Simulation::energy() {
@@ -144,7 +132,7 @@ Energy Simulation::energy() {
   return motion_->calcEnergy();
 }
 EnergyDoubt Simulation::energyDoubt() const {
-  return motion_->energyDoubt();
+  return motion_->energy.doubt(motion_->time);
 }
 
 bool Simulation::peekState(MotionState* state) {
@@ -176,25 +164,25 @@ std::string Simulation::describeErrorEstimate() const {
 // --- descriptions ----------------------------------------------------------------------------
 
 const Statistics& Simulation::statistics() const {
-  return motion_->statistics();
+  return motion_->statistics;
 }
 std::string Simulation::describeStatus() const {
   return motion_->describeStop(nullptr);
 }
 const char* Simulation::stepperName() const {
-  return motion_->stepperName();
+  return motion_->program.stepperName();
 }
 std::string Simulation::describeStepper() const {
-  return motion_->describeStepper();
+  return motion_->program.describeStepper(motion_->statistics.stepper_switches);
 }
 std::vector<std::string> Simulation::skips() const {
-  return motion_->skips();
+  return motion_->program.skips();
 }
 
 // --- machine code ----------------------------------------------------------------------------
 
 bool Simulation::loadMachineCode(bool compile, bool patiently) {
-  MotionBase& motion = *motion_;
+  Motion& motion = *motion_;
   const SolverSettings& solver = motion.scene.solver;
   if (motion.error_estimate) {
     motion.error_estimate->companion().loadMachineCode(compile, patiently);
@@ -208,7 +196,7 @@ bool Simulation::loadMachineCode(bool compile, bool patiently) {
   bool compiled = false;
   std::string reason;
   try {
-    reason = motion.loadCode(missingCode(solver, compile, patiently), &compiled);
+    reason = motion.program.loadCode(missingCode(solver, compile, patiently), &compiled);
   } catch (const Interrupted&) {  // while the C of the formulas was written
     reason = "it was interrupted";
   }

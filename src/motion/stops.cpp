@@ -1,15 +1,41 @@
-/// Why a motion stops: a law or a row of C that fails at the last state or just ahead of it.
+#include "motion/stops.h"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <string>
 #include <vector>
 
 #include "dynamics/constraint_rows.h"
-#include "motion/culprit.h"
-#include "motion/program_motion.h"
+#include "motion/motion.h"
+#include "motion/stop_message.h"
 
 namespace variator_sim {
+
+StopReason reasonOf(scene_status status) {
+  switch (status) {
+    case SCENE_SINGULAR:
+      return StopReason::kSingularConstraint;
+    case SCENE_NOT_CONVERGED:
+    case SCENE_INCONSISTENT:
+      return StopReason::kProjectionFailed;
+    case SCENE_NOT_FINITE:
+    case SCENE_BAD_ARGUMENT:
+      return StopReason::kNonFiniteValue;
+    case SCENE_TOO_MANY_STEPS:
+      return StopReason::kStepUnderflow;
+    case SCENE_CHATTERING:
+      return StopReason::kChattering;
+    case SCENE_NO_MOTION:
+      return StopReason::kJumpFailed;
+    case SCENE_NO_MODES:
+      return StopReason::kNoModes;
+    case SCENE_STEP_TOO_LARGE:
+      return StopReason::kStepTooLarge;
+    case SCENE_OK:
+      break;
+  }
+  return StopReason::kNone;
+}
 
 namespace {
 
@@ -28,88 +54,74 @@ struct Ahead {
 
 }  // namespace
 
-void ProgramMotion::stop(scene_status status) {
-  stop(reasonOf(status));
-  status_.time = status == SCENE_NO_MODES ? std::max(it_.stopped, frontTime()) : frontTime();
-  host_->leave(&it_);
-  if (status == SCENE_STEP_TOO_LARGE) {
-    status_.measure = it_.error * scene.solver.relative_tolerance;
-    return;
-  }
-  explainStop();
-  // (Of accelerations that follow from the state: those of gauss.)
-  const bool is_lost = it_.rounding > 1.0 && status_.reason == StopReason::kStepUnderflow;
-  if (!is_lost || status != SCENE_TOO_MANY_STEPS) return;
-  status_.reason = StopReason::kToleranceTooSmall;
-  status_.measure = it_.rounding;
-}
+StopSearch::StopSearch(Motion& motion)
+    : motion_(motion), scene_(motion.scene), program_(motion.program), S(scene_.shaftCount()) {}
 
-void ProgramMotion::explainStop() {
-  const int S = scene.shaftCount();
-  const double front = frontTime();
+void StopSearch::explain() {
+  const double front = program_.front();
   double slope[3 * kMaxShafts];
   calcSlope(slope);
-  const StateView state = viewOf(it_.state, front);
-  if (quantities.isInertiaLost(state)) status_.reason = StopReason::kIndefiniteInertia;
-  switch (status_.reason) {
+  const StateView state = motion_.observation.view(program_.it.state, front);
+  if (motion_.quantities.isInertiaLost(state))
+    motion_.status.reason = StopReason::kIndefiniteInertia;
+  switch (motion_.status.reason) {
     case StopReason::kChattering:
     case StopReason::kNoModes:
     case StopReason::kIndefiniteInertia:
       return;
     case StopReason::kJumpFailed:
-      if (scene.constraintCount() == 1) status_.constraint = 0;
+      if (scene_.constraintCount() == 1) motion_.status.constraint = 0;
       return;
     case StopReason::kNonFiniteValue:  // where a formula has no series steps end, too
-      status_.reason = StopReason::kStepUnderflow;
+      motion_.status.reason = StopReason::kStepUnderflow;
       break;
     default:
       break;
   }
   const double least = leastDistance();
   if (findBadValue(state) || findLostRow(state, 3) || findFaultAhead(slope, least)) return;
-  if (status_.reason != StopReason::kStepUnderflow) return;
+  if (motion_.status.reason != StopReason::kStepUnderflow) return;
   if (leapsAhead(slope, least)) {
-    status_.reason = StopReason::kProjectionFailed;
+    motion_.status.reason = StopReason::kProjectionFailed;
     return;
   }
-  for (int i = 0; i < (program_->IS_CLASSICAL != 0 ? 2 : 3) * S; ++i) {
-    const double rate = std::abs(slope[i]) / std::max(1.0, std::abs(it_.state[i]));
-    status_.measure = std::max(status_.measure, rate);
+  for (int i = 0; i < (program_.text().IS_CLASSICAL != 0 ? 2 : 3) * S; ++i) {
+    const double rate = std::abs(slope[i]) / std::max(1.0, std::abs(program_.it.state[i]));
+    motion_.status.measure = std::max(motion_.status.measure, rate);
   }
 }
 
-void ProgramMotion::calcSlope(double* slope) {
-  const int S = scene.shaftCount();
+void StopSearch::calcSlope(double* slope) {
   Sample unused;
-  look(std::numeric_limits<double>::infinity(), &unused, slope + 2 * S);
-  std::copy_n(it_.state + S, 2 * S, slope);
+  motion_.observation.look(std::numeric_limits<double>::infinity(), &unused, slope + 2 * S);
+  std::copy_n(program_.it.state + S, 2 * S, slope);
 }
 
-double ProgramMotion::leastDistance() const {
-  return 1e-14 * std::max(1.0, std::abs(frontTime()));
+double StopSearch::leastDistance() const {
+  return 1e-14 * std::max(1.0, std::abs(program_.front()));
 }
 
-bool ProgramMotion::findBadValue(const StateView& state) {
-  if (!findNonFinite(scene, state, &status_.torque, &status_.constraint)) return false;
-  status_.reason = StopReason::kNonFiniteValue;
+bool StopSearch::findBadValue(const StateView& state) {
+  if (!findNonFinite(scene_, state, &motion_.status.torque, &motion_.status.constraint))
+    return false;
+  motion_.status.reason = StopReason::kNonFiniteValue;
   return true;
 }
 
-bool ProgramMotion::findLostRow(const StateView& state, int highest_order) {
-  const int S = scene.shaftCount();
+bool StopSearch::findLostRow(const StateView& state, int highest_order) {
   int which[kMaxConstraints];
   int count = 0;
-  for (int m = 0; m < scene.constraintCount(); ++m) {
-    if (scene.constraints[static_cast<std::size_t>(m)]->order() <= highest_order) {
+  for (int m = 0; m < scene_.constraintCount(); ++m) {
+    if (scene_.constraints[static_cast<std::size_t>(m)]->order() <= highest_order) {
       which[count++] = m;
     }
   }
   ConstraintRows rows(S, count);
   for (int n = 0; n < count; ++n) {
     double c0;
-    scene.constraints[static_cast<std::size_t>(which[n])]->calcRow(state, rows.row(n), &c0);
+    scene_.constraints[static_cast<std::size_t>(which[n])]->calcRow(state, rows.row(n), &c0);
   }
-  const DenseMatrix J = quantities.calcInertia(state);
+  const DenseMatrix J = motion_.quantities.calcInertia(state);
   SquareMatrix mobility(S, S);
   for (int i = 0; i < S; ++i) {
     DenseVector unit = DenseVector::Unit(S, i);
@@ -117,9 +129,9 @@ bool ProgramMotion::findLostRow(const StateView& state, int highest_order) {
     mobility.col(i) = unit;
   }
   const auto blame = [&](int n, double measure) {
-    status_.reason = StopReason::kSingularConstraint;
-    status_.constraint = which[n];
-    status_.measure = measure;
+    motion_.status.reason = StopReason::kSingularConstraint;
+    motion_.status.constraint = which[n];
+    motion_.status.measure = measure;
     return true;
   };
   // The step underflows before the rank is lost outright: eta grows without bound near there.
@@ -128,81 +140,161 @@ bool ProgramMotion::findLostRow(const StateView& state, int highest_order) {
   }
   for (int n = 0; n < count; ++n) {
     // If C goes to zero like sqrt(t* - t), the step underflows first, at C ~ 1e-8.
-    const double left = std::sqrt(rows.lengthSquared(n) / std::max(it_.longest[which[n]], 1e-300));
+    const double left =
+        std::sqrt(rows.lengthSquared(n) / std::max(program_.it.longest[which[n]], 1e-300));
     if (left < 1e-5) return blame(n, left);
   }
   return false;
 }
 
-bool ProgramMotion::followAhead(double h, double* values, double* multipliers) {
-  const int S = scene.shaftCount();
-  const double front = frontTime();
+bool StopSearch::followAhead(double h, double* values, double* multipliers) {
+  const double front = program_.front();
   double* const epsilon = values + 2 * S;
-  std::copy_n(it_.state + 2 * S, S, epsilon);
-  search_->calcMultipliers(viewOf(it_.state, front), multipliers);
-  return search_->follow(viewOf(values, front + h), epsilon, multipliers);
+  std::copy_n(program_.it.state + 2 * S, S, epsilon);
+  motion_.beginning.search()->calcMultipliers(motion_.observation.view(program_.it.state, front),
+                                              multipliers);
+  return motion_.beginning.search()->follow(motion_.observation.view(values, front + h), epsilon,
+                                            multipliers);
 }
 
-bool ProgramMotion::findFaultAhead(const double* slope, double least) {
-  const int S = scene.shaftCount();
-  const double front = frontTime();
-  const bool follows = search_ != nullptr && program_->IS_CLASSICAL != 0;
+bool StopSearch::findFaultAhead(const double* slope, double least) {
+  const double front = program_.front();
+  const bool follows = motion_.beginning.search() != nullptr && program_.text().IS_CLASSICAL != 0;
   double h = least;
   for (int decade = 0; decade < 12; ++decade, h *= 10.0) {
-    Ahead ahead(it_.state, slope, 3 * S, h);
+    Ahead ahead(program_.it.state, slope, 3 * S, h);
     if (!std::all_of(ahead.values, ahead.values + 3 * S, [](double x) { return std::isfinite(x); }))
       return false;
     double multipliers[kMaxShafts] = {};
     const bool is_solved = !follows || followAhead(h, ahead.values, multipliers);
     if (!is_solved) std::fill_n(ahead.values + 2 * S, S, kNaN);
-    if (findBadValue(viewOf(ahead.values, front + h))) return true;
+    if (findBadValue(motion_.observation.view(ahead.values, front + h))) return true;
     if (is_solved) continue;
-    status_.reason = StopReason::kProjectionFailed;
+    motion_.status.reason = StopReason::kProjectionFailed;
     return true;
   }
   return false;
 }
 
-bool ProgramMotion::leapsAhead(const double* slope, double least) {
-  const int S = scene.shaftCount();
-  const double front = frontTime();
-  if (search_ == nullptr || program_->IS_CLASSICAL == 0) return false;
+bool StopSearch::leapsAhead(const double* slope, double least) {
+  const double front = program_.front();
+  if (motion_.beginning.search() == nullptr || program_.text().IS_CLASSICAL == 0) return false;
   double h = least;
   for (int decade = 0; decade <= kReach; ++decade, h *= 10.0) {
-    Ahead ahead(it_.state, slope, 2 * S, h);
+    Ahead ahead(program_.it.state, slope, 2 * S, h);
     double multipliers[kMaxShafts] = {};
     double* const epsilon = ahead.values + 2 * S;
     if (!followAhead(h, ahead.values, multipliers)) return false;
     // Continued back to the front, another branch leads to other accelerations.
-    const bool leads_back = search_->follow(viewOf(it_.state, front), epsilon, multipliers);
-    if (leads_back && !agree(it_.state + 2 * S, epsilon, S)) return true;
+    const bool leads_back = motion_.beginning.search()->follow(
+        motion_.observation.view(program_.it.state, front), epsilon, multipliers);
+    if (leads_back && !Beginning::agree(program_.it.state + 2 * S, epsilon, S)) return true;
   }
   return false;
 }
 
-std::string ProgramMotion::findBranch(Element* owner) {
-  const std::vector<expression::Branch>& branches = program_->branches();
+std::string StopSearch::findBranch(Element* owner) {
+  const std::vector<expression::Branch>& branches = program_.text().branches();
   std::vector<expression::Node> arguments;
   arguments.reserve(branches.size());
   for (const expression::Branch& it : branches) arguments.push_back(it.argument);
-  const expression::Tape tape(*scene.graph, arguments);
+  const expression::Tape tape(*scene_.graph, arguments);
   double slope[3 * kMaxShafts];
   calcSlope(slope);
   const double reach = std::pow(10.0, kReach) * leastDistance();
   std::vector<int> signs[3];
   for (int side = -1; side <= 1; ++side) {
-    const Ahead ahead(it_.state, slope, 3 * scene.shaftCount(), side * reach);
-    const double* const values = tape.evaluate(viewOf(ahead.values, frontTime() + side * reach));
+    const Ahead ahead(program_.it.state, slope, 3 * S, side * reach);
+    const double* const values =
+        tape.evaluate(motion_.observation.view(ahead.values, program_.front() + side * reach));
     for (std::size_t n = 0; n < branches.size(); ++n) {
       signs[side + 1].push_back((values[n] > 0.0) - (values[n] < 0.0));
     }
   }
   for (std::size_t n = 0; n < branches.size(); ++n) {
     if (signs[0][n] == signs[1][n] && signs[1][n] == signs[2][n]) continue;
-    *owner = findOwner(scene, branches[n].argument);
+    *owner = findOwner(scene_, branches[n].argument);
     if (owner->exists()) return branches[n].function;
   }
   return "";
+}
+
+// --- descriptions ----------------------------------------------------------------------------
+
+std::string StopSearch::findCulprit(MotionStatus* told) {
+  Element owner;
+  std::string function;
+  if (told->reason == StopReason::kStepUnderflow) {
+    function = findBranch(&owner);
+  } else if (told->reason == StopReason::kChattering && program_.it.passed >= 0 &&
+             program_.it.passed < program_.text().FIRST_EVENT) {
+    const expression::Branch& branch =
+        program_.text().branches()[static_cast<std::size_t>(program_.it.passed)];
+    function = branch.function;
+    owner = findOwner(scene_, branch.argument);
+  } else {
+    return "";
+  }
+  told->torque = owner.torque;
+  told->constraint = owner.constraint;
+  return function;
+}
+
+std::string StopSearch::describe(Element* culprit) {
+  MotionStatus told = motion_.status;
+  const std::string function = findCulprit(&told);
+  const StateView state = motion_.view();
+  Inertia inertia(scene_.inertia, scene_.inertia_harmonics);
+  inertia.update(state.angle);
+  std::string text = describeStop(scene_, told, state, inertia, function, culprit);
+  // (The node cuts long messages, such as those with the states of many shafts.)
+  text.insert(std::min(text.find("; last good state: "), text.size()), describeHugeCommands());
+  return text + describeLastEvent() + describeRigid() + describePast();
+}
+
+/// Returns the commands that no machine has, of ordinary inputs.
+std::string StopSearch::describeHugeCommands() const {
+  constexpr double kNoMachine = 1e12;  // in any SI unit
+  std::string text;
+  for (int i = 0; i < scene_.inputCount(); ++i) {
+    const CommandInputSettings& input = scene_.inputs[static_cast<std::size_t>(i)];
+    const double command = motion_.inputs.signal(i).target();
+    if (input.kind != InputKind::kCommanded || std::abs(command) < kNoMachine) continue;
+    text += "; the command " + formatNumber(command) + " on " + inQuotes(input.topic) +
+            " is out of all proportion: 'min' and 'max' of the input bound what is taken";
+  }
+  return text;
+}
+
+std::string StopSearch::describeLastEvent() const {
+  const int event = program_.it.passed - program_.text().FIRST_EVENT;
+  if (motion_.status.reason != StopReason::kChattering || event < 0 ||
+      event >= program_.text().EVENTS)
+    return "";
+  return "; the event " + inQuotes(scene_.events[static_cast<std::size_t>(event)].name) +
+         " came last: what it sets must not set it off again at once";
+}
+
+std::string StopSearch::describeRigid() const {
+  if (motion_.status.reason != StopReason::kNoModes) return "";
+  const MotionProgram& text = program_.text();
+  std::string rigid;
+  for (std::size_t h = 0; h < text.holdNames().size(); ++h) {
+    const bool is_rigid = text.closes_below.values[h] > 0.0 || text.has_gap.values[h] != 0 ||
+                          text.slides_backward.values[h] == 0;
+    if (is_rigid) rigid += (rigid.empty() ? "; rigid are " : ", ") + inQuotes(text.holdNames()[h]);
+  }
+  return rigid;
+}
+
+std::string StopSearch::describePast() const {
+  const int full = program_.past().findFull();
+  if (full < 0) return "";
+  const auto input =
+      static_cast<std::size_t>(program_.text().delay_input.values[static_cast<std::size_t>(full)]);
+  return "; the past of " + inQuotes(scene_.inputs[input].name) + " has " +
+         std::to_string(MotionPast::kMostPieces) +
+         " steps, which is all that is kept: a shorter delay, or larger tolerances, have fewer";
 }
 
 }  // namespace variator_sim

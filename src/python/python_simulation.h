@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "motion/culprit.h"
-#include "motion/motion_base.h"
+#include "motion/motion.h"
 #include "python/analysis.h"
 #include "python/sweep.h"
 #include "python/trees.h"
@@ -318,7 +318,7 @@ class PythonSimulation {
     Simulation& simulation = simulation_;
     const MotionStatus& status = simulation.status();
     Element culprit{status.torque, status.constraint};
-    const std::string message = MotionBase::of(simulation).describeStop(&culprit);
+    const std::string message = Motion::of(simulation).describeStop(&culprit);
     const auto name = [](const auto& parts, int index) -> py::object {
       if (index < 0) return py::none();
       return py::str(parts[static_cast<std::size_t>(index)]->name());

@@ -1,0 +1,61 @@
+/// Finds the state that a motion begins with: at the start, and near states of elsewhere.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "dynamics/first_accelerations.h"
+#include "motion/stepped_program.h"
+#include "motion/stop_message.h"
+
+namespace variator_sim {
+
+struct Motion;
+
+class Beginning {
+ public:
+  using Begin = SteppedProgram::Begin;
+
+  /// `motion` has to outlive this.
+  explicit Beginning(Motion& motion);
+
+  /// Begins at the state in the program's `it`, or at the nearest one that the constraints allow if
+  /// it `may_move`, with its accelerations if they `are_given`. Where it does not, begins at the
+  /// state as it is; the motion's status tells why of SCENE_SINGULAR and SCENE_NOT_FINITE.
+  scene_status findNear(Begin how, bool are_given, bool may_move);
+  /// Finds first accelerations where psi is not linear in them; else null.
+  FirstAccelerations* search() const { return search_.get(); }
+
+  /// Explain why the last beginning was none, as a sentence about a state of elsewhere and as the
+  /// error of a scene.
+  std::string describeFault(scene_status status);
+  [[noreturn]] void throwFault(scene_status status);
+
+  /// True where accelerations that follow from the state agree with given ones.
+  static bool agree(const double* given, const double* found, int count);
+
+ private:
+  /// Begins as `how` says, and writes what that has led to.
+  scene_status tryToBegin(Begin how, bool are_given, bool may_move, Exchange* left);
+  /// Looks for the accelerations of a beginning, where psi is not linear in them, and begins with
+  /// them.
+  scene_status beginWithFound(Begin how, bool are_given, Exchange* left);
+  /// True where an element that begins in another mode than the scene asks for ends it.
+  bool isCulprit(const Exchange& left) const;
+  /// Compare what a beginning has led to with the values that were given.
+  void judgeVelocities(scene_status status, bool may_move, const double* found);
+  scene_status judgeAccelerations(const Exchange& left);
+  /// Tells why no accelerations are found from those in `it`.
+  scene_status explainFault(scene_status status);
+  bool isOnConstraints(const StateView& state) const;
+  [[noreturn]] void throwMode() const;
+
+  Motion& motion_;
+  const Scene& scene_;
+  SteppedProgram& program_;
+  const int S;  // shafts
+  const std::unique_ptr<FirstAccelerations> search_;
+  Misfit misfit_;  ///< of the last beginning
+};
+
+}  // namespace variator_sim

@@ -1,0 +1,155 @@
+/// A motion: its current time, commands and samples.
+///
+/// The scene's program (src/runtime) finds the state that it begins with and makes all steps,
+/// freely ahead of the current time; the current time lies in the last one. Samples are taken from
+/// inside that step and commands cut it, so that no sampling rate, tick or advance changes one bit
+/// of the motion:
+///
+///     command(input, value):
+///       clamp it; it waits with the others of this time
+///
+///     settle(), before the current time moves and before the state is read there:
+///       no command waits?        done
+///       before the first advance: commands are initial values; start anew
+///       cut the last step at the current time
+///       inputs take their new closed forms; those that jump do so together, by the jump map
+///       steps begin anew from there
+///
+///     advanceTo(time):
+///       settle
+///       for every timeout on the way, then to `time`:
+///         while the last step ends before it: one step more, or the end of a sleep
+///         the current time moves there
+///         a timeout's command acts: settle
+///
+///     sample():
+///       the current state, from inside the last step; everything published from it
+///
+///     reset():
+///       the state at time 0 again, with the inputs as the scene has them
+///
+///     saveState():
+///       settle
+///       cut the last step at the current time
+///       continue from there, as a motion restored from the state does
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "motion/beginning.h"
+#include "motion/energy_balance.h"
+#include "motion/error_estimate.h"
+#include "motion/mode_events.h"
+#include "motion/motion_inputs.h"
+#include "motion/observation.h"
+#include "motion/progress.h"
+#include "motion/quantities.h"
+#include "motion/stepped_program.h"
+#include "motion/stops.h"
+#include "variator_sim/motion_state.h"
+#include "variator_sim/sample.h"
+#include "variator_sim/simulation.h"
+#include "variator_sim/status.h"
+
+namespace variator_sim {
+
+/// All are [loop] but construction, states from elsewhere, descriptions and machine code.
+struct Motion {
+  /// `like`: has machine code that may fit, or nullptr. Throws SceneError where the initial values
+  /// contradict the constraints.
+  Motion(Scene its_scene, const Motion* like);
+  Motion(const Motion&) = delete;
+  Motion& operator=(const Motion&) = delete;
+  static Motion& of(Simulation& simulation) { return *simulation.motion_; }
+
+  void reset();
+  const MotionStatus& advanceTo(double end);
+  /// Carries out commands; nothing else does. All that wait take effect together at the current
+  /// time: where inputs jump the torques move on the straight line between their old and new
+  /// values, so that no order means anything.
+  void settle();
+  /// See Simulation.
+  double quietUntil() const;
+  bool isSleeping() const { return program.isStill() && scene.solver.sleep; }
+  bool takeModeEvent(ModeEvent* event) { return events.take(time, event); }
+
+  /// Returns the current state without settling commands.
+  Sample& sample();
+  /// Returns the sample's state as a view; valid until the next evaluation elsewhere.
+  StateView view();
+  Energy calcEnergy();
+  OperatingPoint operatingPoint();
+  void forgetSample() {
+    is_sample_valid_ = false;
+    quiet_until_ = -1.0;
+  }
+
+  /// See Simulation.
+  bool peekState(MotionState* state);
+  bool saveState(MotionState* state);
+  std::string setState(const MotionState& state, bool project);
+
+  /// Stops at the current time, or at the end of the last step, where it finds out why.
+  void stop(StopReason reason);
+  void stop(scene_status why);
+  /// Writes the element that the description names to `culprit`, unless that is null.
+  std::string describeStop(Element* culprit);
+  /// Uses the machine code of `other`, if it has some that fits. False if it does not.
+  bool useCodeOf(const Motion& other);
+
+  const Scene scene;
+  MotionInputs inputs;
+  SteppedProgram program;
+  Observation observation;
+  const Quantities quantities;
+  Beginning beginning;
+  StopSearch stops;
+  EnergyBalance energy;
+  ModeEvents events;
+  Progress progress;
+  MotionStatus status;
+  Statistics statistics;
+  std::unique_ptr<ErrorEstimate> error_estimate;  ///< null: errors are not estimated
+  std::string machine_code = "the interpreter";   ///< or another sentence
+  bool has_machine_code = false;
+  bool is_energy_tracked = false;
+  double time = 0.0;  ///< the current time
+
+ private:
+  /// Moves the current time to `end`, or to the time of a stop.
+  void moveTo(double end);
+  /// Makes one accepted step. False when the motion stopped.
+  bool step();
+  /// Returns the latest time inside the last step.
+  double lastInside() const;
+  /// Cuts the last step at the current time. False when the motion stopped.
+  bool cut();
+  void changeInputs();
+  /// Begins at the initial time with the inputs as they are. Throws SceneError where the initial
+  /// values contradict the constraints and no command has come.
+  void start();
+  /// Begins the account of the energy at the current state.
+  void beginEnergy();
+  void noteEnergy();
+  /// Begins from a state of elsewhere.
+  scene_status goOnFrom(const MotionState& state, bool may_move);
+  /// True where a motion may go on from a saved state to the bit.
+  bool isConsistent(const MotionState& state);
+  /// Copies what belongs to elements that hold into a state, and back.
+  void saveHeld(HeldState* held) const;
+  void restoreHeld(const HeldState* held);
+
+  Sample sample_;
+  bool is_sample_valid_ = false;
+  double quiet_until_ = -1.0;  ///< s: up to here nothing but the current time changes
+  bool is_start_ = true;
+  std::vector<double> entries_;  ///< of C at the end of the last step, by rows
+};
+
+/// True where elements that hold, reactions beside the gradient, states, events, delays or an
+/// inertia by formulas belong to a scene: more than laws of its shafts.
+bool hasMoreThanLaws(const Scene& scene);
+
+}  // namespace variator_sim
