@@ -11,14 +11,6 @@ namespace variator_sim {
 
 struct Scene;
 
-/// The null-space component of the reaction, which no constraint can change and the solver keeps.
-/// If `exists`: of the shafts that are `free` or, for constant C, the part out of range(C^T).
-struct KeptReaction {
-  bool exists = false;
-  bool is_free[kMaxShafts] = {};
-  double value[kMaxShafts] = {};  ///< N m; per root of kg m^2 where inertias depend on angles
-};
-
 /// Sources of the energy of a motion since its start.
 struct EnergyAccount {
   double start_kinetic = 0.0;  ///< J
@@ -47,9 +39,10 @@ struct MotionState {
     bool exists = false;
     bool is_implicit = false;                  ///< the steps of `auto` are implicit
     double longest_row[kMaxConstraints] = {};  ///< square of the greatest length of each row of C
-    bool has_multipliers = false;
-    double multiplier[kMaxConstraints] = {};  ///< with which their iteration goes on
-    KeptReaction kept_reaction;
+    double multiplier[kMaxConstraints] = {};   ///< with which their iteration goes on
+    /// The component of the reaction that no constraint can change, N m; per root of kg m^2 where
+    /// inertias depend on angles.
+    double kept_reaction[kMaxShafts] = {};
     HeldState held[kMaxHolds];   ///< in the order of Scene::holdNames
     int armed[kMaxEvents] = {};  ///< signs from which the functions of events are watched
     /// The pieces of the past of each delayed formula (MotionPast).

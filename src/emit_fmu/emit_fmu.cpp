@@ -231,8 +231,7 @@ class FmuWriter {
       angle.assign(state.angle, state.angle + shafts);
       velocity.assign(state.velocity, state.velocity + shafts);
       acceleration.assign(state.acceleration, state.acceleration + shafts);
-      reaction.assign(state.history.kept_reaction.value,
-                      state.history.kept_reaction.value + shafts);
+      reaction.assign(state.history.kept_reaction, state.history.kept_reaction + shafts);
       if (scene_.principle == Principle::kGauss) {
         multiplier.assign(first.multiplier, first.multiplier + constraints);
       }

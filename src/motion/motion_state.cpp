@@ -71,9 +71,8 @@ ParameterTree toTree(const MotionState::History& history, const Scene& scene) {
                       {"doubt_since", ParameterTree::real(energy.doubt_since)},
                       {"has_turned", ParameterTree::boolean(energy.has_turned)},
                       {"directions", ParameterTree::dictionary(std::move(directions))}})}};
-  if (history.has_multipliers) {
-    tree["multipliers"] = listOf(history.multiplier, scene.constraintCount());
-  }
+  tree["multipliers"] = listOf(history.multiplier, scene.constraintCount());
+  tree["kept_reaction"] = listOf(history.kept_reaction, S);
   ParameterTree::Dictionary holding;
   const std::vector<std::string> names = scene.holdNames();
   for (std::size_t h = 0; h < names.size(); ++h) {
@@ -92,15 +91,6 @@ ParameterTree toTree(const MotionState::History& history, const Scene& scene) {
     tree["past"] = listOf(history.past, [](const auto& pieces) {
       return listOf(pieces, [](const auto& piece) { return listOf(piece, ParameterTree::real); });
     });
-  }
-  if (history.kept_reaction.exists) {
-    ParameterTree::List free;
-    for (int i = 0; i < S; ++i) {
-      if (!history.kept_reaction.is_free[i]) continue;
-      free.push_back(ParameterTree::text(scene.shafts[static_cast<std::size_t>(i)]));
-    }
-    tree["kept_reaction"] = listOf(history.kept_reaction.value, S);
-    tree["free_shafts"] = ParameterTree::list(std::move(free));
   }
   return ParameterTree::dictionary(std::move(tree));
 }
@@ -122,23 +112,6 @@ EnergyAccount readEnergy(ParameterReader& history, const Scene& scene) {
   directions.finish();
   reader.finish();
   return energy;
-}
-
-KeptReaction readKeptReaction(ParameterReader& reader, const Scene& scene) {
-  KeptReaction kept;
-  reader.allow("kept_reaction");
-  reader.allow("free_shafts");
-  kept.exists = reader.has("kept_reaction");
-  if (!kept.exists) return kept;
-  readList(reader, "kept_reaction", scene.shaftCount(), kept.value);
-  for (const std::string& name : reader.names("free_shafts")) {
-    const auto found = std::find(scene.shafts.begin(), scene.shafts.end(), name);
-    if (found == scene.shafts.end()) {
-      throw SceneError(reader.keyPath("free_shafts"), inQuotes(name) + " is not a shaft");
-    }
-    kept.is_free[found - scene.shafts.begin()] = true;
-  }
-  return kept;
 }
 
 void readHolding(ParameterReader& history, const Scene& scene, HeldState* held) {
@@ -172,11 +145,7 @@ MotionState::History readHistory(ParameterReader& root, const Scene& scene) {
   }
   rows.finish();
   history.energy = readEnergy(reader, scene);
-  reader.allow("multipliers");
-  history.has_multipliers = reader.has("multipliers");
-  if (history.has_multipliers) {
-    readList(reader, "multipliers", scene.constraintCount(), history.multiplier);
-  }
+  readList(reader, "multipliers", scene.constraintCount(), history.multiplier);
   readHolding(reader, scene, history.held);
   if (!scene.events.empty()) {
     ParameterReader events = reader.section("events");
@@ -185,7 +154,7 @@ MotionState::History readHistory(ParameterReader& root, const Scene& scene) {
     events.finish();
   }
   readPast(reader, scene, &history);
-  history.kept_reaction = readKeptReaction(reader, scene);
+  readList(reader, "kept_reaction", scene.shaftCount(), history.kept_reaction);
   reader.finish();
   return history;
 }

@@ -33,14 +33,14 @@ bool Motion::saveState(MotionState* state) {
   std::copy_n(it.state + 2 * S, S, state->acceleration);
   inputs.save(time, state);
   MotionState::History& history = state->history;
-  history.exists = history.has_multipliers = history.kept_reaction.exists = true;
+  history.exists = true;
   history.is_implicit = program.isImplicit();
   std::copy_n(it.longest, scene.constraintCount(), history.longest_row);
   std::copy_n(it.multiplier, scene.constraintCount(), history.multiplier);
   saveHeld(history.held);
   std::copy_n(it.armed, kMaxEvents, history.armed);
   history.past = program.past().save();
-  std::copy_n(it.reaction, S, history.kept_reaction.value);
+  std::copy_n(it.reaction, S, history.kept_reaction);
   history.energy = energy.account();
   return goOnFrom(*state, false) == SCENE_OK;
 }
@@ -62,7 +62,7 @@ scene_status Motion::goOnFrom(const MotionState& state, bool may_move) {
   std::copy_n(history.longest_row, scene.constraintCount(), it.longest);
   std::copy_n(history.multiplier, scene.constraintCount(), it.multiplier);
   restoreHeld(history.held);
-  std::copy_n(history.kept_reaction.value, S, it.reaction);
+  std::copy_n(history.kept_reaction, S, it.reaction);
   std::copy_n(history.armed, kMaxEvents, it.armed);
   it.time = time;
   it.time_rest = 0.0;

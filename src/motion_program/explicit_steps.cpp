@@ -128,38 +128,14 @@ class Dopri5 final : public OdeintScheme<odeint::runge_kutta_dopri5<StateValues>
       norm = std::max(norm, std::abs(error_[n]) / tolerance_.of(x_[n], end_[n]));
     }
     for (int j = 0; j < step.nodes; ++j) {
-      if (j + 1 < step.nodes) show(step.node[j] * step.h, step.h);
+      scheme_.calc_state(step.node[j] * step.h, inside_, x_, dxdt_, 0.0, end_, slope_at_end_,
+                         step.h);
       const StateValues& shown = j + 1 < step.nodes ? inside_ : end_;
       std::copy(shown.begin(), shown.end(), at(step, j));
     }
-    norm += poisonOf(step);
-    return norm <= 1.0 && !isResolved(step) ? kUnresolved : norm;
+    return norm + poisonOf(step);
   }
 
-  /// Finds the state at t by the dense output.
-  void show(double t, double h) {
-    scheme_.calc_state(t, inside_, x_, dxdt_, 0.0, end_, slope_at_end_, h);
-  }
-
-  /// False where the slopes vary so wildly over a step that its error estimate, one number, may be
-  /// small by chance, as on both sides of a pole: where the term of degree 4 of the dense output,
-  ///     16 (p(1/2) - (x + x_new)/2 - h/8 (k1 - k7)),
-  /// is more than half a step with the largest slope, and counts.
-  bool isResolved(const ExplicitStep& step) {
-    show(0.5 * step.h, step.h);
-    for (std::size_t n = first(step); n < count(step); ++n) {
-      const double cubic = 0.5 * (x_[n] + end_[n]) + 0.125 * step.h * (dxdt_[n] - slope_at_end_[n]);
-      const double term = 16.0 * std::abs(inside_[n] - cubic);
-      if (!(term > 10.0 * tolerance_.of(x_[n], end_[n]))) continue;
-      double steepest = std::max(std::abs(slope(1, n)), std::abs(slope_at_end_[n]));
-      for (int i = 3; i <= 6; ++i) steepest = std::max(steepest, std::abs(slope(i, n)));
-      if (term > 0.5 * step.h * steepest) return false;
-    }
-    return true;
-  }
-
-  /// The error norm given to a step that is too long to have one.
-  static constexpr double kUnresolved = 4.0;
   StateValues slope_at_end_;
   StateValues inside_;
 };
