@@ -72,7 +72,7 @@ VS_FUNCTION_RARE double vs_condition_noise(const scene_series* it, int h, int ki
     case VS_OF_GAP:
       if (n > 0) return it->unit / n * vs_slip_noise(it, h, n - 1);
       for (i = 0; i < S; ++i) size += fabs(it->row[ANGLE + i][0]);
-      return 1e-3 * vs_tolerance(it, size);
+      return seriesLarger(1e-3 * vs_tolerance(it, size), vs_noise(it) * size);
     default:
       for (i = 0; i <= it->order; ++i) size = seriesLarger(size, fabs(c[i]));
       return vs_noise(it) * size;
@@ -179,6 +179,14 @@ VS_FUNCTION_RARE int vs_told_mode(const scene_series* it, int h, int mode, int l
   return vs_plain_mode(h, mode);
 }
 
+/* True where the level of element h is above 0 a moment later. */
+VS_FUNCTION_RARE int vs_is_engaged(const scene_series* it, int h) {
+  const Real* const level = it->row[level_row[h]];
+  int n;
+  for (n = 0; n < it->order && vs_is_noise(it, h, VS_OF_LEVEL, n, level); ++n) continue;
+  return level[n] > 0.0;
+}
+
 /* Condition k of the present mode of element h, without the coefficients at its begin that are
  * rounding. False where the mode has no such condition. */
 VS_FUNCTION_RARE int vs_condition(const scene_model* m, const scene_series* it, int h, int k,
@@ -190,7 +198,7 @@ VS_FUNCTION_RARE int vs_condition(const scene_model* m, const scene_series* it, 
   const int s = k == 2 ? -1 : 1;
   int kind = VS_OF_LEVEL, n;
   if (mode == VS_FREE) {
-    const int nears = closes_below[h] > 0.0 && level[0] > 0.0;
+    const int nears = closes_below[h] > 0.0 && vs_is_engaged(it, h);
     if (k > 0) return 0;
     if (has_gap[h]) {
       kind = VS_OF_GAP;

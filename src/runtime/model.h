@@ -25,7 +25,8 @@ typedef struct {
   SCENE_REAL memory[SCENE_SHAFTS]; /* the part of R that is not C' multiplier, while modes change */
   scene_event event_of[SCENE_MOST_EVENTS]; /* the last ones: number n at n % MOST_EVENTS */
   long events;
-  int culprit; /* the element in another mode than it is to begin in, or -1 */
+  int meets[SCENE_HOLDS + 1]; /* 1: an element is rigid at the present instant (impacts.h) */
+  int culprit;                /* the element in another mode than it is to begin in, or -1 */
 #ifndef VS_INTERPRETED
   double work[SCENE_WORK];
   int pivot[SCENE_PIVOTS];

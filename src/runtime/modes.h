@@ -123,14 +123,11 @@ VS_FUNCTION_RARE int vs_guess_mode(const scene_model* m, const scene_series* it,
     const int is_open = gap > vs_condition_noise(it, h, VS_OF_GAP, 0, &gap);
     return is_open || by_slip == VS_FORWARD ? VS_FREE : VS_STUCK;
   }
+  if (closes_below[h] > 0.0) return m->meets[h] ? VS_STUCK : VS_FREE;
   if (has_level[h] && !(it->row[level_row[h]][0] > 0.0)) return VS_FREE;
   if (vs_is_loss(it, h) && by_slip != VS_STUCK)
     return vs_mode_of_line(by_slip, vs_line(it, h, by_slip, 0));
-  if (closes_below[h] > 0.0) {
-    const double slip = fabs(it->row[slip_row[h]][0]);
-    return m->now.mode[h] == VS_STUCK || slip <= closes_below[h] ? VS_STUCK : VS_FREE;
-  }
-  return by_slip;
+  return by_slip == VS_BACKWARD && !slides_backward[h] ? VS_STUCK : by_slip;
 }
 
 /* True where the scene asks for an element that slides from its rest. */
@@ -310,87 +307,15 @@ VS_FUNCTION_RARE void vs_note_events(scene_model* m, const scene_series* it, con
   }
 }
 
-/* ---- Impacts: J dw = C' p of the rigid rows. Of those that only press one way p >= 0, and behind
-        it f >= -e f of before. They pass constraints without losses: these would need to know how
-        the speeds change within an impact. ---- */
-
-/* True for elements that let no slip into one direction, or none at all, in their present place. */
-VS_FUNCTION_RARE int vs_is_rigid(const scene_model* m, const scene_series* it, int h) {
-  if (closes_below[h] > 0.0) return vs_guess_mode(m, it, h) == VS_STUCK;
-  if (has_gap[h]) {
-    const Real gap = it->row[gap_row[h]][0];
-    return gap <= vs_condition_noise(it, h, VS_OF_GAP, 0, &gap);
-  }
-  return !slides_backward[h];
-}
-
-/* Slower bounces than this, rad/s, end at rest. */
-VS_FUNCTION_RARE double vs_slowest_bounce(const scene_series* it) {
-  return 0.1 * sqrt(vs_tolerance(it, 1.0));
-}
-
-VS_FUNCTION_RARE scene_status vs_collide(scene_model* m, scene_series* it, Real* impulse) {
-  Real slip[MOST_HOLDS + 1], after[MOST_HOLDS + 1], x[MOST_SIZE];
-  int hits = 0, h, i, round;
-  for (h = 0; h < HOLDS; ++h) {
-    if (vs_is_loss(it, h)) m->now.side[h] = 0.0;
-  }
-  vs_enter_inputs(m, it, 0);
-  vs_enter_state(m, it);
-  for (h = 0; h < HOLDS; ++h) {
-    const double noise = vs_slip_noise(it, h, 0);
-    const int rigid = vs_is_rigid(m, it, h);
-    slip[h] = it->row[slip_row[h]][0];
-    impulse[h] = 0.0;
-    it->counts[h] = rigid && (closes_below[h] > 0.0 ? fabs(slip[h]) > noise : slip[h] < -noise);
-    hits += it->counts[h];
-    after[h] = slip[h] < -vs_slowest_bounce(it) ? -restitution[h] * slip[h] : vs_zero;
-  }
-  for (round = 0; round < 5 * HOLDS + 5 && hits > 0; ++round) {
-    int wrong = -1;
-    if (!vs_factor(it, 1, 3)) { /* others may imply the last row; else it is wrong below */
-      for (h = HOLDS - 1; h >= 0 && !it->counts[h]; --h) continue;
-      if (h < 0) return SCENE_NO_MODES;
-      it->counts[h] = 0;
-      continue;
-    }
-    for (i = 0; i < SIZE; ++i) x[i] = 0.0;
-    for (h = 0; h < HOLDS; ++h) x[S + CONSTRAINTS + h] = after[h] - slip[h];
-    vs_solve(it, x);
-    for (h = 0; h < HOLDS && wrong < 0; ++h) {
-      double moved = slip[h];
-      for (i = 0; i < S; ++i) moved += vs_entry(it, CONSTRAINTS + h, i) * x[i];
-      if (it->counts[h]) {
-        if (!(closes_below[h] > 0.0) && x[S + CONSTRAINTS + h] < 0.0) wrong = h;
-      } else if (vs_is_rigid(m, it, h)) {
-        const double noise = vs_slip_noise(it, h, 0);
-        if (closes_below[h] > 0.0 ? fabs(moved) > noise : moved < after[h] - noise) wrong = h;
-      }
-    }
-    if (wrong >= 0) {
-      it->counts[wrong] = !it->counts[wrong];
-      continue;
-    }
-    for (i = 0; i < S; ++i) m->now.velocity[i] += x[i];
-    for (h = 0; h < HOLDS; ++h) {
-      if (!it->counts[h]) continue;
-      impulse[h] = x[S + CONSTRAINTS + h];
-      m->now.heat[h] -= 0.5 * impulse[h] * (slip[h] + after[h]);
-    }
-    return SCENE_OK;
-  }
-  return hits > 0 ? SCENE_NO_MODES : SCENE_OK;
-}
-
 /* The modes behind the present instant, and the accelerations there: J epsilon + n - Q = memory +
  * D' multiplier, where the memory is none of gauss and at the start. */
 VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   scene_series* const it = &m->series[1 - m->present];
   const scene_state before = m->now;
-  scene_state from;
+  scene_state ahead, from;
   Real impulse[MOST_HOLDS + 1];
   scene_status status;
-  int told[MOST_HOLDS + 1];
+  int told[MOST_HOLDS + 1], moves[MOST_HOLDS + 1];
   int i, p;
   m->is_first = is_start;
   for (i = 0; i < S; ++i) m->memory[i] = 0.0;
@@ -402,9 +327,19 @@ VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
     for (p = 0; p < K && !is_start; ++p)
       m->memory[i] -= vs_direction(it, p, i) * m->now.multiplier[p];
   }
-  status = vs_collide(m, it, impulse);
-  from = m->now;
-  if (status == SCENE_OK) status = vs_find_modes(m, it, &from);
+  for (i = 0; i < HOLDS; ++i) m->meets[i] = 0;
+  ahead = m->now;
+  do {
+    m->now = ahead;
+    status = vs_collide(m, it, impulse);
+    vs_find_moving(m, it, moves);
+    from = m->now;
+    if (status == SCENE_OK) status = vs_find_modes(m, it, &from);
+    /* (An element meets what no rule has seen: its distance was 0 by rounding.) */
+    for (i = 0; i < HOLDS && !(status == SCENE_OK && moves[i] && m->now.mode[i] == VS_STUCK); ++i)
+      continue;
+    if (i < HOLDS) m->meets[i] = 1;
+  } while (i < HOLDS);
   m->is_begun = 0;
   if (status != SCENE_OK) m->now = before;
   if (status == SCENE_OK) vs_tell_modes(m, it);

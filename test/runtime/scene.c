@@ -185,6 +185,8 @@ static Real vs_hides(const scene_series* it, const Real* powers, int last) {
 /* */
 #include "runtime/conditions.h"
 /* */
+#include "runtime/impacts.h"
+//
 #include "runtime/modes.h"
 /* */
 #include "runtime/events.h"
