@@ -783,6 +783,184 @@ initial: {velocity: [3, 3]}
                 self.assertEqual(done.returncode, status, done.stderr)
             self.assertIn("'clutch' would not stay stuck, by 5 N m", done.stderr)
 
+    def test_dogs_close_by_impacts_alone(self):
+        two = "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [m, dog]\n"
+        push = 'm: {type: variator_sim/ExpressionTorque, shaft: a, torque: "-1"}\n'
+        # The slip is 10 - t: 3 at 7 s, whatever rises through 0.5 before. p = 3/(1 + 1).
+        for engaged in ('"clamp(t/8, 0, 1)"', '"tanh(t)"', "1"):
+            scene = two + push + (f"dog: {{type: variator_sim/DogClutch, shafts: [a, b], engaged: {engaged}, "
+                                  "engage_below: 3}\ninitial: {velocity: [10, 0]}\n")
+            _, events = self.simulate(scene, 8.0, 1)
+            self.assertEqual([line[1:4] for line in events], [["dog", "free", "stuck"]])
+            self.assertAlmostEqual(float(events[0][0]), 7.0, delta=1e-9)
+            self.assertAlmostEqual(float(events[0][5]), 1.5, delta=1e-9)
+        # p = 1.4374/(1/2.7034 + 1.7501^2/2.43), whatever rounding makes of the slip at its limit.
+        slipping = """
+shafts: [a, b]
+torques: [qb, cl, dog]
+initial: {velocity: [0.6642, -1.9069]}
+a: {inertia: INERTIA}
+b: {inertia: 2.43}
+qb: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-7.2072*phi_b"}
+cl: {type: variator_sim/Clutch, shafts: [a, b], capacity: 2.2093, static: 1.3897}
+dog: {type: variator_sim/DogClutch, shafts: [a, b], ratio: 1.7501, engaged: 1, engage_below: 1.4374}
+"""
+        for n in range(12):
+            inertia = 2.7034 + 1e-9 * n
+            _, events = self.simulate(slipping.replace("INERTIA", repr(inertia)), 1.0, 1)
+            closes = [line for line in events if line[1] == "dog"]
+            self.assertEqual([line[2:4] for line in closes], [["free", "stuck"]])
+            right = 1.4374 / (1 / inertia + 1.7501**2 / 2.43)
+            self.assertAlmostEqual(abs(float(closes[0][5])), right, delta=1e-8)
+        # One that opens smoothly, at sin(2.01 t) = 0, lets both go on.
+        opens = two.replace("[m, dog]", "[dog]") + ("dog: {type: variator_sim/DogClutch, shafts: [a, b], "
+                                                    'engaged: "sin(2.01*t) + 0.5", engage_below: 1}\n'
+                                                    "initial: {velocity: [1.4, 1.2]}\n")
+        _, events = self.simulate(opens, 3.0, 1)
+        self.assertEqual([line[2:4] for line in events], [["stuck", "free"]])
+        self.assertAlmostEqual(float(events[0][0]), math.pi / 2.01, delta=1e-9)
+
+    def test_impacts_are_of_what_approaches(self):
+        # The stop sends a back with 4.5 rad/s; then what moved apart before locks, and shares the momentum.
+        bounce = """
+shafts: [a, b, w]
+torques: [stop, lock, clutch]
+a: {inertia: 0.5}
+b: {inertia: 1.6}
+w: {inertia: 10}
+stop: {type: variator_sim/EndStop, shaft: a, lower: 0, restitution: 0.9}
+clutch: {type: variator_sim/Clutch, shafts: [b, w], capacity: 1}
+initial: {angle: [1, 0, 0], velocity: [-5, 0, 0]}
+"""
+        for law in ("OneWayClutch, shafts: [a, b]", "DogClutch, shafts: [a, b], engaged: 1, engage_below: 4.6"):
+            scene = bounce + f"lock: {{type: variator_sim/{law}}}\n"
+            (header, rows), _ = self.simulate(scene, 0.2, 10)
+            last = dict(zip(header, map(float, rows[-1])))
+            for shaft, right in (("a", 2.25 / 2.1), ("b", 2.25 / 2.1), ("w", 0.0)):
+                self.assertAlmostEqual(last[f"{shaft}/velocity"], right, delta=1e-8)
+            heat = sum(last[name] for name in header if name.endswith("/heat"))
+            self.assertAlmostEqual(last["energy/kinetic"] + heat, 6.25, delta=1e-8)
+        # A stop and a backstop of one shaft: at rest on the stop. Two stops behind a gear: the stiffer one decides.
+        one = """
+shafts: [a]
+a: {inertia: 1}
+torques: [m, stop, back]
+m: {type: variator_sim/ExpressionTorque, shaft: a, torque: 5}
+stop: {type: variator_sim/EndStop, shaft: a, lower: -9, upper: 1, restitution: 0.3}
+back: {type: variator_sim/OneWayClutch, shaft: a}
+"""
+        gear = """
+shafts: [a, b]
+a: {inertia: 1}
+b: {inertia: 1}
+torques: [first, second]
+first: {type: variator_sim/EndStop, shaft: a, lower: -9, upper: 1, restitution: 0.3}
+second: {type: variator_sim/EndStop, shaft: b, lower: -9, upper: 2, restitution: 0.8}
+constraints: [g]
+g: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: 2}
+initial: {velocity: [1, 2]}
+"""
+        for scene, right in ((one, 0.0), (gear, -0.8)):
+            (header, rows), _ = self.simulate(scene, 1.5, 1)
+            self.assertAlmostEqual(float(rows[-1][header.index("a/velocity")]), right, delta=1e-9)
+        # Not even a tolerance of 1e-13 misses one: -g t + 0.5/9 (3 t - sin 3 t) falls 1 rad.
+        ball = """
+shafts: [a]
+a: {inertia: 1}
+torques: [q, s]
+q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "-9.81 + 0.5*sin(3*t)"}
+s: {type: variator_sim/EndStop, shaft: a, lower: 0, restitution: 0.8}
+initial: {angle: [HEIGHT]}
+"""
+        tight = [f"--set=solver/{kind}_tolerance=1e-13" for kind in ("relative", "absolute")]
+        for n in range(16):
+            _, events = self.simulate(ball.replace("HEIGHT", repr(1.0 + 0.001 * n)), 0.5, 1, *tight)
+            self.assertGreater(float(events[0][5]), 7.0)
+
+    def test_motions_that_another_solver_has_found(self):
+        # An event-driven program that enumerates modes and finds impulses by linear programming.
+        idle = """
+shafts: [in2, out]
+in2: {inertia: 0.07}
+out: {inertia: 1.27}
+torques: [b, m]
+b: {type: variator_sim/Brake, shaft: out, capacity: 16.0}
+m: {type: variator_sim/ExpressionTorque, shaft: out, torque: "16.81*sin(4.49*t + 0.87)"}
+constraints: [g]
+g: {type: variator_sim/KinematicRatio, shafts: [in2, out], ratio: 0.92, efficiency: {driving: 0.71, driven: 0.89}}
+"""
+        parked = """
+shafts: [turbine, sun2, ring, out]
+torques: [q1, c7, c8, c10, c11, q12]
+constraints: [p5]
+turbine: {inertia: 0.076}
+sun2: {inertia: 0.032}
+ring: {inertia: 0.013}
+out: {inertia: 2.657}
+q1: {type: variator_sim/ExpressionTorque, shaft: turbine, torque: "if(t < 0.18, 0, 237)"}
+p5: {type: variator_sim/ExpressionConstraint, order: 1, expression: w_turbine + z*w_ring - (1 + z)*w_out, parameters: {z: 3.17}}
+c7: {type: variator_sim/Brake, shaft: ring, capacity: 485.0}
+c8: {type: variator_sim/Brake, shaft: sun2, capacity: 191.2}
+c10: {type: variator_sim/Clutch, shafts: [turbine, sun2], capacity: 298.4*(1 + sin(8.63*t))}
+c11: {type: variator_sim/Clutch, shafts: [turbine, out], capacity: 284.5*(1 + sin(3.89*t))}
+q12: {type: variator_sim/ExpressionTorque, shaft: out, torque: 288.5*sin(4.6*t)}
+"""
+        series = """
+shafts: [motor, pinion, crank, wheels]
+torques: [q1, o3, q6, c7, c11]
+constraints: [g2]
+motor: {inertia: 0.00102}
+pinion: {inertia: 0.00173}
+crank: {inertia: 0.21}
+wheels: {inertia: 2.569}
+q1: {type: variator_sim/ExpressionTorque, shaft: motor, torque: 5.81 - 0.013464658169177288*w_motor}
+g2: {type: variator_sim/KinematicRatio, shafts: [motor, pinion], ratio: 0.389, efficiency: {driving: 0.64, driven: 0.56}}
+o3: {type: variator_sim/OneWayClutch, shafts: [pinion, crank]}
+q6: {type: variator_sim/ExpressionTorque, shaft: crank, torque: 55.1*sin(11.5*t + 0.6)}
+c7: {type: variator_sim/Clutch, shafts: [crank, wheels], capacity: 44.0}
+c11: {type: variator_sim/Brake, shaft: wheels, capacity: 23.6}
+"""
+        leaving = """
+shafts: [a, b]
+torques: [m, n, stop, c]
+a: {inertia: 0.327}
+b: {inertia: 0.303}
+m: {type: variator_sim/ExpressionTorque, shaft: a, torque: "34.91621850400834*sin(6.281995331636746*t)"}
+n: {type: variator_sim/ExpressionTorque, shaft: b, torque: "6.902182384509583*sin(1.0383826355982553*t)"}
+stop: {type: variator_sim/EndStop, shaft: a, lower: -0.158, upper: 1.28, restitution: 0}
+c: {type: variator_sim/Clutch, shafts: [a, b], capacity: 16.98}
+"""
+        cases = ((idle, {3.0: {"in2/velocity": 0.054886, "out/velocity": 0.05049512}}),
+                 (parked, {1.1: {"turbine/velocity": 0.0, "out/velocity": 0.0}, 1.9: {"turbine/velocity": 10.10702}}),
+                 (series, {0.5: {"motor/velocity": 0.0}, 0.7: {"motor/velocity": 24.87702349, "crank/velocity": 9.67716214}}),
+                 (leaving, {0.98: {"a/velocity": 0.00761715}, 1.2: {"a/velocity": 8.19797242, "b/velocity": 8.19797242}}))
+        for scene, right in cases:
+            for principle in ("gauss", "generalized_gauss"):
+                result = variator_sim.simulate(scene + f"principle: {principle}\n", max(right), times=sorted(right))
+                for n, time in enumerate(sorted(right)):
+                    for column, value in right[time].items():
+                        self.assertAlmostEqual(result[column][n], value, delta=2e-6, msg=(column, time))
+
+    def test_formulas_that_only_touch_their_bends(self):
+        # 1.725 w' = sin(om t) - 0.1 w: the clamp has nothing to do.
+        scene = """
+shafts: [a, b]
+torques: [q]
+constraints: [g]
+a: {inertia: 1.5}
+b: {inertia: 0.9}
+q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "clamp(sin(om*t), -1, 1) - 0.1*w_a", parameters: {om: 2.5}}
+g: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: 0.5}
+"""
+        r = 0.1 / 1.725
+        for n in range(40):
+            om = 2.5 + 0.01 * n
+            for principle in ("gauss", "generalized_gauss"):
+                result = variator_sim.simulate(scene + f"principle: {principle}\n", 6.0, times=[6.0],
+                                               overrides={"q/parameters/om": om})
+                right = (r * math.sin(6 * om) - om * math.cos(6 * om) + om * math.exp(-6 * r)) / (om**2 + r**2) / 1.725
+                self.assertAlmostEqual(result["a/velocity"][0], right, delta=1e-6)
+
 
 if __name__ == "__main__":
     rosunit.unitrun(PACKAGE, "modes_test", ModesTest)

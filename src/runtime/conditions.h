@@ -25,24 +25,43 @@ VS_FUNCTION_RARE double vs_noise(const scene_series* it) {
   return (1.0 + it->slack) * seriesLarger(1e-3 * RELATIVE_TOLERANCE, 2e-13);
 }
 
-/* The size of the torques on a shaft, order n. */
+/* The size of the torques on a shaft, order n, each by itself. */
 VS_FUNCTION_RARE double vs_torque_size(const scene_series* it, int i, int n) {
   double size =
       fabs(it->row[torque_row[i]][n]) + vs_inertia(it, i, i) * fabs(it->row[ACCELERATION + i][n]);
-  int p;
+  int h, p;
   for (p = 0; p < K; ++p) size += fabs(vs_direction(it, p, i) * it->row[TRANSMITTED + p][n]);
+  for (h = 0; h < HOLDS; ++h)
+    size += fabs(vs_direction(it, CONSTRAINTS + h, i) * it->row[slide_row[h]][n]);
   return size;
 }
 
-/* The size of coefficient n of the torques on the shafts that element h acts on, and its limits. */
-VS_FUNCTION_RARE double vs_sum_of_torques(const scene_series* it, int h, int n) {
-  double size = fabs(it->row[upper_row[h]][n]) + fabs(it->row[lower_row[h]][n]);
+/* The size of coefficient n of the torques on the shafts of row p, as a multiplier of it. */
+VS_FUNCTION_RARE double vs_size_along(const scene_series* it, int p, int n) {
+  double size = 0.0;
   int i;
   for (i = 0; i < S; ++i) {
-    const double C = fabs(vs_entry(it, CONSTRAINTS + h, i));
+    const double C = fabs(vs_entry(it, p, i));
     if (C != 0.0) size += vs_torque_size(it, i, n) / C;
   }
   return size;
+}
+
+/* The size of coefficient n of the torque of element h that is noise: a part of the torques on the
+ * shafts that it acts on, or whose load it loses a part of, and of its limits; and rounding of all
+ * others, which the rows couple. */
+VS_FUNCTION_RARE double vs_torque_noise(const scene_series* it, int h, int n) {
+  const double rounding = (1.0 + it->slack) * 2e-14;
+  double size = fabs(it->row[upper_row[h]][n]) + fabs(it->row[lower_row[h]][n]) +
+                vs_size_along(it, CONSTRAINTS + h, n);
+  double all = 0.0, C = 0.0;
+  int i;
+  if (load_of[h] >= 0) size += vs_size_along(it, load_of[h], n);
+  for (i = 0; i < S; ++i) {
+    all += vs_torque_size(it, i, n);
+    C = seriesLarger(C, fabs(vs_entry(it, CONSTRAINTS + h, i)));
+  }
+  return vs_noise(it) * size + (C > 0.0 ? rounding * all / C : 0.0);
 }
 
 /* The size of coefficient n of a slip that is rounding: what a torque that is rounding makes of it,
@@ -56,7 +75,7 @@ VS_FUNCTION_RARE double vs_slip_noise(const scene_series* it, int h, int n) {
     size += C * fabs(it->row[VELOCITY + i][0]);
     mobility += C * C / vs_inertia(it, i, i);
   }
-  if (n > 0) return 2.0 * vs_noise(it) * it->unit / n * mobility * vs_sum_of_torques(it, h, n - 1);
+  if (n > 0) return 2.0 * it->unit / n * mobility * vs_torque_noise(it, h, n - 1);
   return seriesLarger(1e-3 * ABSOLUTE_TOLERANCE, vs_noise(it) * size);
 }
 
@@ -68,7 +87,7 @@ VS_FUNCTION_RARE double vs_condition_noise(const scene_series* it, int h, int ki
     case VS_OF_SLIP:
       return vs_slip_noise(it, h, n);
     case VS_OF_TORQUE:
-      return vs_noise(it) * vs_sum_of_torques(it, h, n);
+      return vs_torque_noise(it, h, n);
     case VS_OF_GAP:
       if (n > 0) return it->unit / n * vs_slip_noise(it, h, n - 1);
       for (i = 0; i < S; ++i) size += fabs(it->row[ANGLE + i][0]);
@@ -127,17 +146,16 @@ VS_FUNCTION_RARE void vs_lead(const scene_series* it, int h, int s, int line, in
  * than rounding. */
 VS_FUNCTION_RARE int vs_scaled_lead(const scene_series* it, int h, int mode, Real* c) {
   const int s = mode > 0 ? 1 : -1, p = load_of[h];
-  double size;
+  double size = 0.0;
   int i, n;
   if (p < 0) return 0; /* no losses */
-  size = vs_sum_of_torques(it, h, 0);
   for (i = 0; i < 2; ++i) {
     size += fabs(it->row[slope_row[2 * h + i]][0] * it->row[TRANSMITTED + p][0]) +
             fabs(it->row[base_row[2 * h + i]][0]);
   }
   vs_lead(it, h, s, mode != s, it->order, c);
   for (n = 0; n <= it->order; ++n) c[n] *= it->size[p] / vs_row_length(it, p);
-  if (fabs(c[0]) > vs_noise(it) * size) return 1;
+  if (fabs(c[0]) > vs_noise(it) * size + vs_torque_noise(it, h, 0)) return 1;
   VS_SET_VALUE(c[0], 0.0);
   return 0;
 }

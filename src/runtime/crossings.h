@@ -185,22 +185,34 @@ VS_FUNCTION void vs_bracket(scene_model* m, scene_series* it, const scene_state*
 }
 
 /* Over an event, to the state shortly behind it, where its projection is behind, too. *theta: where
- * the step is to end, and has ended. */
+ * the step is to end, and has ended. Where the motion has only touched the event, by rounding, and
+ * moves away from it again, the guard is -1. */
 VS_FUNCTION scene_status vs_cross(scene_model* m, scene_series* it, vs_event* at, double* theta) {
   const scene_state base = m->now;
   const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, base.time) / vs_series(m)->unit;
+  const double whole = *theta;
   vs_law_values before, after;
-  int trial;
+  double distance = INFINITY;
+  int trial, leaves = 0;
   vs_bracket(m, it, &base, at, theta, &before, &after);
   m->now = base;
   for (trial = 0; at->guard >= 0 && trial < 40; ++trial) {
+    const double last = distance;
     scene_status status;
     vs_look_from(m, it, &base, at, *theta, &after);
     status = vs_settle_beyond(m, it, at, &before, &after);
     if (status != SCENE_OK) return status;
     vs_enter_state(m, it);
     if (vs_is_beyond(it, at)) break;
-    *theta = at->theta + 2.0 * (*theta - at->theta) + least;
+    distance = fabs(vs_distance(it, at));
+    leaves = vs_have_one_sign(vs_distance(it, at), at->side) && distance > last ? leaves + 1 : 0;
+    if (leaves == 4) {
+      m->now = base;
+      *theta = vs_end_without(m, at, whole);
+      at->guard = -1;
+    } else {
+      *theta = at->theta + 2.0 * (*theta - at->theta) + least;
+    }
   }
   return trial < 40 ? SCENE_OK : SCENE_CHATTERING;
 }

@@ -130,11 +130,11 @@ VS_FUNCTION_RARE scene_status vs_collide(scene_model* m, scene_series* it, Real*
 }
 
 /* Notes the elements that can be stuck behind an impact only, by the state that was entered. */
-VS_FUNCTION_RARE void vs_find_moving(const scene_model* m, const scene_series* it, int* moves) {
+VS_FUNCTION_RARE void vs_find_moving(scene_model* m, const scene_series* it) {
   int h;
   for (h = 0; h < HOLDS; ++h) {
     const double slip = it->row[slip_row[h]][0], noise = vs_slip_noise(it, h, 0);
-    moves[h] = !m->meets[h] &&
-               (closes_below[h] > 0.0 ? fabs(slip) > noise : !slides_backward[h] && slip < -noise);
+    m->moves[h] = !m->meets[h] && (closes_below[h] > 0.0 ? fabs(slip) > noise
+                                                         : !slides_backward[h] && slip < -noise);
   }
 }

@@ -26,6 +26,7 @@ typedef struct {
   scene_event event_of[SCENE_MOST_EVENTS]; /* the last ones: number n at n % MOST_EVENTS */
   long events;
   int meets[SCENE_HOLDS + 1]; /* 1: an element is rigid at the present instant (impacts.h) */
+  int moves[SCENE_HOLDS + 1]; /* 1: it can be stuck there behind an impact only */
   int culprit;                /* the element in another mode than it is to begin in, or -1 */
 #ifndef VS_INTERPRETED
   double work[SCENE_WORK];

@@ -7,20 +7,21 @@ VS_FUNCTION_RARE int vs_decides_by(void) {
 }
 
 /* Takes the rows of stuck elements into the algebra but those that others of it imply: the motion
- * is the same without them. False where the constraints themselves have lost rank. */
+ * is the same without them. What has no limits comes first. False where the constraints themselves
+ * have lost rank. */
 VS_FUNCTION_RARE int vs_choose_rows(scene_model* m, scene_series* it) {
-  int h, round;
-  for (round = 0; round < 2; ++round) {
+  int h, has_all, has_limits, takes;
+  for (h = 0; h < HOLDS; ++h) it->counts[h] = m->now.mode[h] == VS_STUCK;
+  has_all = vs_factor(it, 1, 3);
+  for (h = 0; h < HOLDS && !has_all; ++h) it->counts[h] = 0;
+  if (!has_all && !vs_factor(it, 1, 3)) return 0;
+  for (takes = 0; takes < 2 && !has_all; ++takes) {
     for (h = 0; h < HOLDS; ++h) {
-      it->counts[h] = round == 0 && m->now.mode[h] == VS_STUCK;
+      has_limits = has_upper[h] || has_lower[h];
+      if (has_limits != takes || m->now.mode[h] != VS_STUCK) continue;
+      it->counts[h] = 1;
+      if (!vs_factor(it, 1, 3)) it->counts[h] = 0;
     }
-    if (vs_factor(it, 1, 3)) break;
-    if (round == 1) return 0;
-  }
-  for (h = 0; h < HOLDS && round == 1; ++h) {
-    int* const counts = &it->counts[h];
-    *counts = m->now.mode[h] == VS_STUCK;
-    if (*counts && !vs_factor(it, 1, 3)) *counts = 0;
   }
   for (h = 0; h < HOLDS; ++h) {
     m->now.counts[h] = it->counts[h];
@@ -135,12 +136,14 @@ VS_FUNCTION_RARE int vs_begins_slipping(const scene_model* m, int h) {
   return !m->has_moved && begins_in[h] == VS_BEGINS_SLIPPING;
 }
 
-/* The mode that element h goes to where condition k of its present one does not hold. */
-VS_FUNCTION_RARE int vs_next_mode(const scene_model* m, const scene_series* it, int h, int k) {
-  const int mode = m->now.mode[h];
-  if (mode == VS_FREE)
-    return has_gap[h] || closes_below[h] > 0.0 ? VS_STUCK : vs_mode_by_slip(it, h);
+/* The mode that element h goes to where condition k of its present one does not hold. What would
+ * be stuck while it moves meets in an impact first: its distance was 0 by rounding. */
+VS_FUNCTION_RARE int vs_next_mode(scene_model* m, const scene_series* it, int h, int k) {
+  const int mode = m->now.mode[h], is_dog = closes_below[h] > 0.0;
+  if (mode == VS_FREE && m->moves[h]) m->meets[h] = 1;
+  if (mode == VS_FREE) return has_gap[h] || is_dog ? VS_STUCK : vs_mode_by_slip(it, h);
   if (k == 0 || (mode == VS_STUCK && has_gap[h])) return VS_FREE;
+  if (is_dog) return VS_STUCK;
   if (vs_is_loss(it, h) && mode != VS_STUCK && k == 2)
     return vs_mode_of_line(vs_side_of(mode), mode == vs_side_of(mode));
   if (vs_is_loss(it, h) && mode == VS_STUCK) {
@@ -184,6 +187,13 @@ VS_FUNCTION_RARE int vs_all_hold(scene_model* m, scene_series* it, const scene_s
   return vs_take_modes(m, it, from) == SCENE_OK && vs_find_wrong(m, it, HOLDS, &k) == HOLDS;
 }
 
+/* True where an impact has to come first. */
+VS_FUNCTION_RARE int vs_has_met(const scene_model* m) {
+  int h;
+  for (h = 0; h < HOLDS && !(m->meets[h] && m->moves[h]); ++h) continue;
+  return h < HOLDS;
+}
+
 /* Exchanges modes whose conditions do not hold, but that of `kept`, until all do, which ends for
  * limits that do not depend on the mode (Murty's least index). False if they never do. */
 VS_FUNCTION_RARE int vs_exchange_modes(scene_model* m, scene_series* it, const scene_state* from,
@@ -194,6 +204,7 @@ VS_FUNCTION_RARE int vs_exchange_modes(scene_model* m, scene_series* it, const s
     h = vs_find_wrong(m, it, kept, &k);
     if (h == HOLDS || h == kept) return h == HOLDS;
     m->now.mode[h] = vs_next_mode(m, it, h, k);
+    if (vs_has_met(m)) return 0;
     if (m->now.mode[h] == VS_FREE || first[h] == VS_FREE) {
       first[h] = m->now.mode[h];
       is_open[h] = has_gap[h] || first[h] == VS_STUCK;
@@ -257,7 +268,7 @@ VS_FUNCTION_RARE scene_status vs_search_modes(scene_model* m, scene_series* it,
     m->now.mode[h] = is_open[h] ? VS_STUCK : first[h];
     if (vs_is_loss(it, h) && first[h] != VS_STUCK) m->now.mode[h] = vs_side_of(first[h]);
   }
-  if (open > 10) return SCENE_NO_MODES;
+  if (open > 10 || vs_has_met(m)) return SCENE_NO_MODES;
   for (h = 0; h < HOLDS; ++h) first[h] = m->now.mode[h];
   do {
     if (vs_all_hold(m, it, from)) return SCENE_OK;
@@ -271,7 +282,8 @@ VS_FUNCTION_RARE scene_status vs_find_modes(scene_model* m, scene_series* it,
                                             const scene_state* from) {
   scene_status status = SCENE_NO_MODES;
   double slack;
-  for (slack = 0.0; slack < 100.0 && status == SCENE_NO_MODES; slack = 10.0 * slack + 9.0) {
+  for (slack = 0.0; slack < 100.0 && status == SCENE_NO_MODES && !vs_has_met(m);
+       slack = 10.0 * slack + 9.0) {
     m->series[0].slack = m->series[1].slack = slack;
     m->now = *from;
     vs_enter_state(m, it);
@@ -315,7 +327,7 @@ VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   scene_state ahead, from;
   Real impulse[MOST_HOLDS + 1];
   scene_status status;
-  int told[MOST_HOLDS + 1], moves[MOST_HOLDS + 1];
+  int told[MOST_HOLDS + 1];
   int i, p;
   m->is_first = is_start;
   for (i = 0; i < S; ++i) m->memory[i] = 0.0;
@@ -332,14 +344,10 @@ VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   do {
     m->now = ahead;
     status = vs_collide(m, it, impulse);
-    vs_find_moving(m, it, moves);
+    vs_find_moving(m, it);
     from = m->now;
     if (status == SCENE_OK) status = vs_find_modes(m, it, &from);
-    /* (An element meets what no rule has seen: its distance was 0 by rounding.) */
-    for (i = 0; i < HOLDS && !(status == SCENE_OK && moves[i] && m->now.mode[i] == VS_STUCK); ++i)
-      continue;
-    if (i < HOLDS) m->meets[i] = 1;
-  } while (i < HOLDS);
+  } while (vs_has_met(m));
   m->is_begun = 0;
   if (status != SCENE_OK) m->now = before;
   if (status == SCENE_OK) vs_tell_modes(m, it);
