@@ -863,6 +863,9 @@ initial: {velocity: [1, 2]}
         for scene, right in ((one, 0.0), (gear, -0.8)):
             (header, rows), _ = self.simulate(scene, 1.5, 1)
             self.assertAlmostEqual(float(rows[-1][header.index("a/velocity")]), right, delta=1e-9)
+        (self.folder / "it.yaml").write_text(one)
+        done = call(SIMULATE, self.folder / "it.yaml", "--duration", 1, "--set", "initial/angle=[1.25]")
+        self.assertIn("initial/angle: the start lies 0.25 rad beyond 'stop/upper'", done.stderr)
         # Not even a tolerance of 1e-13 misses one: -g t + 0.5/9 (3 t - sin 3 t) falls 1 rad.
         ball = """
 shafts: [a]

@@ -215,6 +215,11 @@ void Beginning::throwFault(scene_status status) {
 void Beginning::throwMode() const {
   const MotionProgram& text = program_.text();
   const auto element = static_cast<std::size_t>(misfit_.element);
+  if (text.has_gap.values[element] != 0) {
+    throw SceneError("initial/angle", "the start lies " + formatNumber(-misfit_.slip) +
+                                          " rad beyond " + inQuotes(text.holdNames()[element]) +
+                                          "; allowed: angles within its limits");
+  }
   const std::string torque = formatNumber(misfit_.torque) + " N m";
   const bool is_stuck = text.begins_in.values[element] == static_cast<int>(Holding::Begin::kStuck);
   std::string fault = "'slipping': it holds at the start, with " + torque;

@@ -367,13 +367,29 @@ VS_FUNCTION_RARE void vs_forget_modes(scene_model* m) {
   for (i = 0; i < K && TRANSMITS; ++i) m->now.multiplier[i] = 0.0;
 }
 
-/* The modes at the start. An element that is not in the one that the scene asks for is the model's
- * culprit, with the torque that it would have to hold. */
+/* True where element h begins beyond its stop: by as much, rad, as the model's culprit_slip. */
+VS_FUNCTION_RARE int vs_begins_beyond(scene_model* m, const scene_series* it, int h) {
+  const double most = 1e-6; /* of what angles are given with */
+  m->culprit_slip = has_gap[h] ? (double)it->row[gap_row[h]][0] : 0.0;
+  return m->culprit_slip < -most;
+}
+
+/* The modes at the start. An element that is not in the one that the scene asks for, or beyond its
+ * stop, is the model's culprit, with the torque that it would have to hold. */
 VS_FUNCTION_RARE scene_status vs_decide_first(scene_model* m) {
   scene_series* const it = &m->series[1 - m->present];
-  const scene_status status = vs_decide(m, 1);
+  scene_status status;
   int h;
   m->culprit = -1;
+  vs_enter_inputs(m, it, 0);
+  vs_enter_state(m, it);
+  for (h = 0; h < HOLDS; ++h) {
+    if (!vs_begins_beyond(m, it, h)) continue;
+    m->culprit = h;
+    m->now.mode[h] = VS_STUCK;
+    return SCENE_INCONSISTENT;
+  }
+  status = vs_decide(m, 1);
   for (h = 0; h < HOLDS && status == SCENE_OK && !m->has_moved; ++h) {
     const scene_state from = m->now;
     const int is_stuck = m->now.mode[h] == VS_STUCK;
