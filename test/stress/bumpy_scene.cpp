@@ -1,10 +1,6 @@
 #include "stress/bumpy_scene.h"
 
-#include <algorithm>
-#include <array>
 #include <boost/numeric/odeint/stepper/bulirsch_stoer.hpp>
-#include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <stdexcept>
 

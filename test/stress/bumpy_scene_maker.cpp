@@ -1,9 +1,5 @@
 // Which scenes are made: shapes of features, where they stand, what they depend on, and what else
 // happens at their feet.
-#include <algorithm>
-#include <cmath>
-#include <string>
-#include <utility>
 
 #include "stress/bumpy_scene.h"
 #include "stress/methods.h"

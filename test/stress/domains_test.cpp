@@ -1,29 +1,14 @@
 /// Motions that leave the domain of their formulas, escape in finite time or turn back, and plugins
 /// that fail now and then.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <atomic>
-#include <cmath>
-#include <limits>
-#include <memory>
 #include <stdexcept>
-#include <string>
-#include <utility>
-#include <vector>
 
-#include "stress/hazard.h"
 #include "stress/methods.h"
 
 namespace variator_sim::test {
 namespace {
 
-std::string oneShaft(const std::string& principle, const std::string& torque, double w0,
-                     const std::string& more = "") {
-  return "shafts: [a]\na: {inertia: 1.5}\ntorques: [q]\n"
-         "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-         torque + "\"}\nconstraints: []\nprinciple: " + principle + "\ninitial: {velocity: [" +
-         plainly(w0) + "]" + more + "}\n";
+Scene oneShaft(const std::string& principle, const std::string& torque, double w0) {
+  return sceneFromText(gearText(0, {"q on a: " + torque}, w0) + "principle: " + principle);
 }
 
 // --- finite escape time --------------------------------------------------------------------------
@@ -43,8 +28,7 @@ TEST(Domains, FiniteEscape) {
         const double w0 = 1.3;
         const double J = 1.5;
         const double T = J * std::pow(w0, 1.0 - n) / (k * (n - 1.0));
-        const Scene plain =
-            sceneFromText(oneShaft(principle, exactly(k) + "*w1^" + exactly(n), w0));
+        const Scene plain = oneShaft(principle, exactly(k) + "*w1^" + exactly(n), w0);
         // One instant a run: each is judged by its own growth.
         for (double part : {0.3, 0.9, 0.99, 0.9999, 0.999999, 1.5}) {
           const std::vector<double> times = {part * T};
@@ -75,6 +59,14 @@ TEST(Domains, FiniteEscape) {
   }
 }
 
+/// It stops by name, and what was before `end` is right.
+void judgeStop(Hazard& hazard, Run run, const Run& exact, double end, const Method& method,
+               const std::string& label) {
+  while (!run.samples.empty() && run.samples.back().time >= end) run.samples.pop_back();
+  hazard.judge(calcDifference(run, exact, 2, method.tolerance, method.tolerance), label);
+  hazard.stopped(run.reason, label);
+}
+
 // --- turning points ------------------------------------------------------------------------------
 
 /// Under `gauss` a constraint (e1 - f)^2 + ... that folds: e2 = sqrt(1 - e1^2) as a circle, with a
@@ -93,9 +85,8 @@ TEST(Domains, TurningPoint) {
     for (double p : speeds) {
       const double end = 2.0 / p;
       const Scene plain = sceneFromText(
-          "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: []\nconstraints: [k]\n"
-          "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"e1^3-3*e1-" +
-          exactly(p) + "*t\"}\nprinciple: " + principle + "\ninitial: {acceleration: [0, 0]}\n");
+          "a 1.5, b 0.8", {"k: e1^3-3*e1-" + exactly(p) + "*t"},
+          std::string("principle: ") + principle + "\ninitial: {acceleration: [0, 0]}");
       for (double part : {0.5, 0.9, 0.999, 1.5}) {
         const std::vector<double> times = evenly(part * end, 8);
         for (const Method& method : methodsOf(plain, sweptTolerances())) {
@@ -114,12 +105,7 @@ TEST(Domains, TurningPoint) {
             hazard.compare(run, exact, scene, label);
             continue;
           }
-          test::Run before = run;
-          while (!before.samples.empty() && before.samples.back().time >= end) {
-            before.samples.pop_back();
-          }
-          hazard.judge(calcDifference(before, exact, 2, method.tolerance, method.tolerance), label);
-          hazard.stopped(run.reason, label);
+          judgeStop(hazard, run, exact, end, method, label);
           // If psi turns back like a square, t errs by the square of e1's error.
           EXPECT_LE(run.end, end * (1.0 + 1e-9 + method.tolerance * method.tolerance))
               << label << ": " << run.message;
@@ -171,12 +157,9 @@ TEST(Domains, RootsLogsAndPoles) {
                                              : "(3+t)*(e1-(" + f + "))";
         const double before = function.value(0.0);
         const Scene plain = sceneFromText(
-            "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [q]\n"
-            "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-            torque + "\"}\nconstraints: [k]\n" +
-            "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"" + psi +
-            "\"}\nprinciple: " + principle + "\ninitial: {acceleration: [" + plainly(before) +
-            (place == 0 ? ", 1" : ", 0") + "]}\n");
+            "a 1.5, b 0.8", {"q on a: " + torque, "k: " + psi},
+            std::string("principle: ") + principle +
+                "\ninitial: {acceleration: " + list({before, place == 0 ? 1.0 : 0.0}) + "}");
         const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
           if (t >= T) return;
           sample.acceleration[0] = function.value(t);
@@ -190,12 +173,7 @@ TEST(Domains, RootsLogsAndPoles) {
           const test::Run run = play(method.scene, times);
           const std::string label = std::string(principle) + " " +
                                     (place == 0 ? "torque " + torque : psi) + " " + method.name;
-          test::Run known = run;
-          while (!known.samples.empty() && known.samples.back().time >= T) {
-            known.samples.pop_back();
-          }
-          hazard.judge(calcDifference(known, exact, 2, method.tolerance, method.tolerance), label);
-          hazard.stopped(run.reason, label);
+          judgeStop(hazard, run, exact, T, method, label);
           EXPECT_LE(run.end, T * (1.0 + 1e-12)) << label << ": " << run.message;
           EXPECT_GE(run.end, 0.81) << label << ": " << run.message;
         }
@@ -215,7 +193,7 @@ TEST(Domains, PolesAreNotSteppedAcross) {
       for (int order = 1; order <= 3; ++order) {
         const double c = std::pow(10.0, decade);
         const std::string f = exactly(c) + "/(0.817-t)^" + std::to_string(order);
-        const Scene plain = sceneFromText(oneShaft(principle, "1.5*" + f, 0.0));
+        const Scene plain = oneShaft(principle, "1.5*" + f, 0.0);
         for (const Method& method : methodsOf(plain, sweptTolerances())) {
           Scene scene = method.scene;
           // A pulse of a formula in t is seen where it is wider than solver/maximum_step
@@ -234,8 +212,7 @@ TEST(Domains, PolesAreNotSteppedAcross) {
             const double t = 1.2;
             const double part =
                 order == 1 ? c * std::log(T / (t - T)) : std::numeric_limits<double>::quiet_NaN();
-            const test::Run& end = run;
-            const double error = std::abs(end.samples.back().velocity[0] - part) /
+            const double error = std::abs(run.samples.back().velocity[0] - part) /
                                  (method.tolerance * (1.0 + std::abs(part)));
             hazard.judge(error, label + " (it did not stop)");
             continue;

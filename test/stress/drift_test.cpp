@@ -7,15 +7,7 @@
 // - of an amplitude or a phase that nothing restores, and of an energy: they add up like t;
 // - of the phase of a motion that keeps its own speed, from errors of the speed that add up: t^2;
 //   from errors of a power that add up, of the energy like t^2: t^3.
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <string>
-#include <vector>
-
-#include "stress/hazard.h"
 #include "stress/known_motion.h"
 
 namespace variator_sim::test {
@@ -257,41 +249,33 @@ TEST(Drift, OfARestoredVariator) {
   Hazard motion("drift", "restored motion of a variator, no growth (generalized_gauss: t)",
                 "10 .. 1e6 s");
   Hazard residual("drift", "its residual, in 64 roundings", "10 .. 1e6 s");
-  for (Principle principle : {Principle::kGauss, Principle::kGeneralizedGauss}) {
-    for (int order : {1, 2, 3}) {
-      for (bool nonlinear : {false, true}) {
-        if (nonlinear && order != 2) continue;
-        KnownMotion known;
-        known.principle = principle;
-        known.order = order;
-        known.nonlinear = nonlinear;
-        known.restoring = 2.0;
-        // Under generalized_gauss the reaction is a state, which a ratio that goes up and down
-        // pumps like a swing; with a constant one its errors just add up.
-        if (principle == Principle::kGeneralizedGauss) known.swing = 0.0;
-        const Scene scene = known.scene();
-        for (const Method& method : methodsOf(scene, tolerances())) {
-          const bool is_long = order == 2 && !nonlinear && method.stepper == StepperKind::kAuto &&
-                               method.tolerance == 1e-8;
-          const double end = sizeOf(30.0, is_long ? 1e6 : method.tolerance < 1e-8 ? 1e3 : 1e4);
-          judgeAlong(motion, method.scene, decades(end), known.label() + ", " + method.name,
-                     [&](const Sample& sample, const std::string& label) {
-                       test::Run run;
-                       run.samples = {sample};
-                       test::Run exact;
-                       exact.samples = {known.at(sample.time)};
-                       const double allowed =
-                           kAllowed * growth(sample.time, principle == Principle::kGauss ? 0 : 1);
-                       motion.judge(calcDifference(run, exact, 2, method.tolerance,
-                                                   method.tolerance, Columns::kAll),
-                                    label, allowed);
-                       // psi is a difference of terms of size 5, made of time itself, whose
-                       // rounding is that of t
-                       residual.judge(std::abs(sample.residual[0]) / (10.0 * kEpsilon), label,
-                                      64.0 * (1.0 + sample.time));
-                     });
-        }
-      }
+  for (KnownMotion known : knownMotions({1, 2, 3}, true)) {
+    const Principle principle = known.principle;
+    known.restoring = 2.0;
+    // Under generalized_gauss the reaction is a state, which a ratio that goes up and down
+    // pumps like a swing; with a constant one its errors just add up.
+    if (principle == Principle::kGeneralizedGauss) known.swing = 0.0;
+    const Scene scene = known.scene();
+    for (const Method& method : methodsOf(scene, tolerances())) {
+      const bool is_long = known.order == 2 && !known.nonlinear &&
+                           method.stepper == StepperKind::kAuto && method.tolerance == 1e-8;
+      const double end = sizeOf(30.0, is_long ? 1e6 : method.tolerance < 1e-8 ? 1e3 : 1e4);
+      judgeAlong(motion, method.scene, decades(end), known.label() + ", " + method.name,
+                 [&](const Sample& sample, const std::string& label) {
+                   test::Run run;
+                   run.samples = {sample};
+                   test::Run exact;
+                   exact.samples = {known.at(sample.time)};
+                   const double allowed =
+                       kAllowed * growth(sample.time, principle == Principle::kGauss ? 0 : 1);
+                   motion.judge(calcDifference(run, exact, 2, method.tolerance, method.tolerance,
+                                               Columns::kAll),
+                                label, allowed);
+                   // psi is a difference of terms of size 5, made of time itself, whose
+                   // rounding is that of t
+                   residual.judge(std::abs(sample.residual[0]) / (10.0 * kEpsilon), label,
+                                  64.0 * (1.0 + sample.time));
+                 });
     }
   }
 }

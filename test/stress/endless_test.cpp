@@ -3,22 +3,12 @@
 // reaches the right end within a few attempted steps, or stops by name; none goes on for ever.
 //
 //     endless_test SEED   plays one scene and prints it
-#include <gtest/gtest.h>
 #include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <csignal>
-#include <cstdio>
 #include <cstdlib>
-#include <cstring>
-#include <functional>
-#include <map>
-#include <string>
-#include <vector>
 
 #include "stress/methods.h"
 #include "stress/random.h"

@@ -1,21 +1,13 @@
 // Estimated errors of scenes made at random, against the true ones: how often an estimate is within
 // a factor of ten, and what it costs. VARIATOR_SIM_STRESS_SEED chooses another first seed.
-#include <gtest/gtest.h>
 
-#include <algorithm>
 #include <atomic>
-#include <cmath>
-#include <cstdint>
-#include <cstdio>
 #include <cstdlib>
 #include <ctime>
-#include <string>
 #include <thread>
-#include <vector>
 
 #include "stress/methods.h"
 #include "stress/random_scene.h"
-#include "support/scenes.h"
 
 namespace variator_sim::test {
 namespace {

@@ -1,22 +1,9 @@
 /// Steps of commanded torques: tiny ones, huge ones, very many, two at one instant, onto branches
 /// that cannot be reached, and the ramps whose limit they are.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <string>
-#include <vector>
-
-#include "stress/hazard.h"
 #include "stress/methods.h"
 
 namespace variator_sim::test {
 namespace {
-
-std::vector<double> tolerances() {
-  return isLongForm() ? std::vector<double>{1e-3, 1e-5, 1e-7, 1e-9, 1e-11}
-                      : std::vector<double>{1e-5, 1e-9};
-}
 
 /// e1^2 + e2^2 = a^2 with equal inertias: e = a (cos theta, sin theta), and a step of the torque by
 /// D (cos beta, sin beta) turns it by tan((theta - beta)/2) -> tan((theta - beta)/2) exp(-D/(a J)).
@@ -28,13 +15,10 @@ struct Circle {
 
   Scene scene(const std::string& hold = "hold: zero_order") const {
     return sceneFromText(
-        "shafts: [a, b]\na: {inertia: " + plainly(J) + "}\nb: {inertia: " + plainly(J) +
-        "}\ntorques: [m, n]\nm: {type: variator_sim/CommandedTorque, shaft: a, topic: m, " + hold +
-        "}\nn: {type: variator_sim/CommandedTorque, shaft: b, topic: n, " + hold +
-        "}\nconstraints: [k]\n"
-        "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"e1^2+e2^2-" +
-        exactly(a * a) + "\"}\ninitial: {acceleration: [" + plainly(a * std::cos(theta)) + ", " +
-        plainly(a * std::sin(theta)) + "], project: true}\n");
+        "a " + plainly(J) + ", b " + plainly(J),
+        {"m on a from m, " + hold, "n on b from n, " + hold, "k: e1^2+e2^2-" + exactly(a * a)},
+        "initial: {acceleration: " + list({a * std::cos(theta), a * std::sin(theta)}) +
+            ", project: true}");
   }
   double turn(double from, double D, double beta) const {
     const double half = 0.5 * (from - beta);
@@ -97,7 +81,7 @@ TEST(Jumps, SizeOfTheStep) {
           const double beta = input == 0 ? 0.0 : std::acos(0.0);
           const test::Run exact = motion(circle, times, {{instant, circle.turn(theta, D, beta)}});
           const double allowed = kAllowed * circle.growth(theta, D, beta);
-          for (const Method& method : methodsOf(plain, tolerances())) {
+          for (const Method& method : methodsOf(plain, sweptTolerances())) {
             // Many steps along the path of the jump, the same under every stepper by name.
             const bool is_own =
                 method.stepper == StepperKind::kAuto || method.stepper == StepperKind::kFehlberg78;
@@ -154,14 +138,11 @@ TEST(Jumps, StepAtEveryTick) {
       const std::vector<double> times = evenly(1.0, 16);
       const test::Run exact = motion(circle, times, turns);
       const Scene plain = circle.scene();
-      for (const Method& method : methodsOf(plain, tolerances())) {
-        const test::Run run = play(method.scene, times, commands);
-        // n jumps, each good to a tenth of a tolerance (src/integrate/jump_map.h)
-        hazard.compare(run, exact, method.scene,
-                       std::to_string(n) + " steps of " + text(size) + " " + method.name,
-                       (kAllowed + 0.1 * n) * worst);
-        EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
-      }
+      Asked asked;
+      asked.commands = commands;
+      // n jumps, each good to a tenth of a tolerance
+      compareMethods(hazard, plain, exact, std::to_string(n) + " steps of " + text(size), asked,
+                     (kAllowed + 0.1 * n) * worst);
     }
   }
 }
@@ -178,20 +159,17 @@ TEST(Jumps, TwoAtOneInstant) {
         const double m = std::pow(10.0, exponent);
         const double n = ratio * m;
         for (bool swapped : {false, true}) {
-          std::vector<TimedCommand> commands = {{0.5, 0, m}, {0.5, 1, n}};
-          if (swapped) std::swap(commands[0], commands[1]);
+          Asked asked;
+          asked.commands = {{0.5, 0, m}, {0.5, 1, n}};
+          if (swapped) std::swap(asked.commands[0], asked.commands[1]);
           const double after = circle.turn(theta, std::hypot(m, n), std::atan2(n, m));
           const double growth = circle.growth(theta, std::hypot(m, n), std::atan2(n, m));
           const Scene plain = circle.scene();
           const test::Run exact = motion(circle, times, {{0.5, after}});
-          for (const Method& method : methodsOf(plain, tolerances())) {
-            const test::Run run = play(method.scene, times, commands);
-            hazard.compare(run, exact, method.scene,
-                           "theta = " + text(theta) + ", steps of " + text(m) + ", " + text(n) +
-                               (swapped ? " (second first) " : " ") + method.name,
-                           kAllowed * growth);
-            EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
-          }
+          compareMethods(hazard, plain, exact,
+                         "theta = " + text(theta) + ", steps of " + text(m) + ", " + text(n) +
+                             (swapped ? " (second first)" : ""),
+                         asked, kAllowed * growth);
         }
       }
     }
@@ -205,15 +183,11 @@ TEST(Jumps, LinearConstraint) {
   const std::vector<double> times = evenly(1.0, 10);
   const double r = -0.4;
   const double effective = 1.5 + 0.8 * r * r;
-  for (const char* principle : {"generalized_gauss", "gauss"}) {
+  for (const char* principle : kPrinciples) {
     for (int order = 1; order <= 3; ++order) {
-      const std::string v = order == 1 ? "w" : order == 2 ? "e" : "j";
-      const Scene plain = sceneFromText(
-          "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [m]\n"
-          "m: {type: variator_sim/CommandedTorque, shaft: a, topic: m}\nconstraints: [k]\n"
-          "k: {type: variator_sim/ExpressionConstraint, order: " +
-          std::to_string(order) + ", expression: \"" + v + "2+0.4*" + v +
-          "1\"}\nprinciple: " + principle + "\n");
+      const Scene plain =
+          sceneFromText("a 1.5, b 0.8", {"m on a from m", "k" + ofOrder(order, "_2+0.4*_1")},
+                        std::string("principle: ") + principle);
       for (int exponent = -6; exponent <= 6; exponent += sizeOf(3, 1)) {
         const double D = std::pow(10.0, exponent);
         const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
@@ -223,13 +197,12 @@ TEST(Jumps, LinearConstraint) {
           sample.velocity[0] = e * std::max(0.0, t - 0.45);
           sample.velocity[1] = r * sample.velocity[0];
         });
-        for (const Method& method : methodsOf(plain, tolerances())) {
-          const test::Run run = play(method.scene, times, {{0.45, 0, D}});
-          hazard.compare(run, exact, method.scene,
-                         std::string(principle) + " order " + std::to_string(order) + ", step of " +
-                             text(D) + " " + method.name);
-          EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
-        }
+        Asked asked;
+        asked.commands = {{0.45, 0, D}};
+        compareMethods(
+            hazard, plain, exact,
+            std::string(principle) + " order " + std::to_string(order) + ", step of " + text(D),
+            asked);
       }
     }
   }
@@ -283,12 +256,9 @@ TEST(Jumps, BranchThatCannotBeReached) {
   const std::vector<double> times = {0.2, 0.5, 0.7, 1.0};
   for (const Curve& curve : kCurves) {
     const double e2 = curve.f(curve.start);
-    const Scene plain = sceneFromText(
-        "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [m]\n"
-        "m: {type: variator_sim/CommandedTorque, shaft: a, topic: m}\nconstraints: [k]\n"
-        "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"" +
-        std::string(curve.expression) + "\"}\ninitial: {acceleration: [" + plainly(curve.start) +
-        ", " + plainly(e2) + "]}\n");
+    const Scene plain =
+        sceneFromText("a 1.5, b 0.8", {"m on a from m", std::string("k: ") + curve.expression},
+                      "initial: {acceleration: " + list({curve.start, e2}) + "}");
     for (double sign : {1.0, -1.0}) {
       for (int exponent = -2; exponent <= 6; exponent += sizeOf(2, 1)) {
         const double D = sign * std::pow(10.0, exponent);
@@ -364,7 +334,7 @@ TEST(Jumps, RampsTendToTheJump) {
             sample.acceleration[i] = e(after);
           }
         });
-        for (const Method& method : methodsOf(plain, tolerances())) {
+        for (const Method& method : methodsOf(plain, sweptTolerances())) {
           const test::Run run = play(method.scene, times, {{0.5, 0, D}});
           const std::string label = "theta = " + text(theta) + ", " + hold + " " + method.name;
           // 0.5 + h is known to 1.1e-16 s: the ramp's width to 2.2e-16 / h of itself.

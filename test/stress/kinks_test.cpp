@@ -1,15 +1,5 @@
 /// Laws with kinks: abs, min, max, tables, friction through zero speed, rate limits and clamped
 /// commands, against exact solutions, or against the same motion put together from smooth pieces.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <string>
-#include <utility>
-#include <vector>
-
-#include "stress/hazard.h"
 #include "stress/methods.h"
 
 namespace variator_sim::test {
@@ -79,14 +69,11 @@ TEST(Kinks, AtTimes) {
       for (double strength : strengths()) {
         const std::string formula = withStrength(f.formula, strength);
         for (int place = 0; place < 2; ++place) {
-          const Scene plain = sceneFromText(
-              "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [q]\n"
-              "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-              (place == 0 ? "1.5*(cos(t)+" + formula + ")" : std::string("0")) +
-              "\"}\nconstraints: [k]\n"
-              "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"" +
-              (place == 0 ? std::string("e2-1") : "e1-cos(t)-" + formula) +
-              "\"}\nprinciple: " + principle + "\n");
+          const Scene plain =
+              sceneFromText("a 1.5, b 0.8",
+                            {place == 0 ? "q on a: 1.5*(cos(t)+" + formula + ")" : "q on a: 0",
+                             place == 0 ? "k: e2-1" : "k: e1-cos(t)-" + formula},
+                            std::string("principle: ") + principle);
           const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
             sample.velocity[0] = std::sin(t) + strength * f.integral(t);
             sample.acceleration[0] = std::cos(t) + strength * f.value(t);
@@ -95,14 +82,8 @@ TEST(Kinks, AtTimes) {
               sample.acceleration[1] = 1.0;
             }
           });
-          for (const Method& method : methodsOf(plain, sweptTolerances())) {
-            const test::Run run = play(method.scene, times);
-            const std::string label = std::string(principle) + " " +
-                                      (place == 0 ? "torque " : "psi ") + formula + " " +
-                                      method.name;
-            hazard.compare(run, exact, method.scene, label);
-            EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-          }
+          compareMethods(hazard, plain, exact,
+                         std::string(principle) + (place == 0 ? " torque " : " psi ") + formula);
         }
       }
     }
@@ -132,7 +113,6 @@ struct Side {
 TEST(Kinks, AtZeroSpeed) {
   Hazard hazard("kinks", "abs, min and max of a speed that changes its sign",
                 "factors 1e-9 to 10, orders 0 to 3 of a gear");
-  const double J = 1.5;
   const std::vector<double> times = evenly(3.0, 13);
   struct Law {
     const char* formula;
@@ -146,7 +126,7 @@ TEST(Kinks, AtZeroSpeed) {
       for (double strength : strengths()) {
         for (int order = 0; order <= 3; ++order) {
           // A gear of ratio 0.5 adds its inertia and changes nothing else.
-          const double inertia = order == 0 ? J : J + 0.25 * 0.8;
+          const double inertia = gearInertia(order);
           const Side below = {1.0 / inertia, (0.2 + strength * law.below) / inertia};
           const Side above = {1.0 / inertia, (0.2 + strength * law.above) / inertia};
           const double w0 = -0.9;
@@ -158,36 +138,17 @@ TEST(Kinks, AtZeroSpeed) {
             const Side& side = t < crossing ? below : above;
             sample.velocity[0] = w;
             sample.acceleration[0] = side.drive - side.damping * w;
-            if (order == 0) return;
-            sample.velocity[1] = 0.5 * w;
-            sample.acceleration[1] = 0.5 * sample.acceleration[0];
+            writeGear(order, sample);
           });
-          const double e0 = below.drive - below.damping * w0;
-          const std::string torque = "1-0.2*w1" + withStrength(law.formula, strength);
-          const std::string v = order == 1 ? "w" : order == 2 ? "e" : "j";
-          const Scene plain = sceneFromText(
-              order == 0 ? "shafts: [a]\na: {inertia: 1.5}\ntorques: [q]\n"
-                           "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-                               torque + "\"}\nconstraints: []\nprinciple: " + principle +
-                               "\ninitial: {velocity: [-0.9]}\n"
-                         : "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [q]\n"
-                           "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-                               torque +
-                               "\"}\nconstraints: [k]\n"
-                               "k: {type: variator_sim/ExpressionConstraint, order: " +
-                               std::to_string(order) + ", expression: \"" + v + "2-0.5*" + v +
-                               "1\"}\nprinciple: " + principle +
-                               "\ninitial: {velocity: [-0.9, -0.45], acceleration: [" +
-                               plainly(e0) + ", " + plainly(0.5 * e0) + "], project: true}\n");
+          const std::string torque = "q on a: 1-0.2*w1" + withStrength(law.formula, strength);
+          const Scene plain =
+              sceneFromText(gearText(order, {torque}, w0, below.drive - below.damping * w0) +
+                            "principle: " + principle);
           // w = drive/damping where the damping is negative grows like exp(-damping t).
           const double growth = std::exp(std::max({0.0, -below.damping, -above.damping}) * 3.0);
-          for (const Method& method : methodsOf(plain, sweptTolerances())) {
-            const test::Run run = play(method.scene, times);
-            const std::string label = std::string(principle) + " " + torque + " order " +
-                                      std::to_string(order) + " " + method.name;
-            hazard.compare(run, exact, method.scene, label, kAllowed * growth);
-            EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-          }
+          compareMethods(hazard, plain, exact,
+                         std::string(principle) + " " + torque + " order " + std::to_string(order),
+                         {}, kAllowed * growth);
         }
       }
     }
@@ -211,17 +172,9 @@ TEST(Kinks, OfConstraintsAtZeroSpeed) {
         sample.acceleration[0] = side.drive - side.damping * sample.velocity[0];
       });
       const Scene plain = sceneFromText(
-          "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: []\nconstraints: [k]\n"
-          "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"e1+w1-1+" +
-          exactly(strength) + "*min(0,w1)\"}\nprinciple: " + principle +
-          "\ninitial: {velocity: [-0.9, 0]}\n");
-      for (const Method& method : methodsOf(plain, sweptTolerances())) {
-        const test::Run run = play(method.scene, times);
-        const std::string label =
-            std::string(principle) + " K = " + text(strength) + " " + method.name;
-        hazard.compare(run, exact, method.scene, label);
-        EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-      }
+          "a 1.5, b 0.8", {"k: e1+w1-1+" + exactly(strength) + "*min(0,w1)"},
+          std::string("principle: ") + principle + "\ninitial: {velocity: [-0.9, 0]}");
+      compareMethods(hazard, plain, exact, std::string(principle) + " K = " + text(strength));
     }
   }
 }
@@ -248,10 +201,8 @@ TEST(Kinks, AtAnAngle) {
             x < 0.0 || x > half ? 0.0 : -w0 * frequency * std::sin(frequency * x);
       });
       const Scene plain = sceneFromText(
-          "shafts: [a]\na: {inertia: 1.5}\ntorques: [q]\n"
-          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-" +
-          exactly(k) + "*max(0,phi1)\"}\nconstraints: []\nprinciple: " + principle +
-          "\ninitial: {angle: [-0.7], velocity: [2]}\n");
+          gearText(0, {"q on a: -" + exactly(k) + "*max(0,phi1)"}, w0, 0.0, -before * w0) +
+          "principle: " + principle);
       for (const Method& method : methodsOf(plain, sweptTolerances())) {
         const test::Run run = play(method.scene, times);
         const std::string label = std::string(principle) + " k = " + text(k) + " " + method.name;
@@ -298,12 +249,9 @@ void compareWithShortSteps(Hazard& hazard, Hazard& accelerations, const std::str
   }
 }
 
-std::string gear(const std::string& torques, const std::string& laws, double w) {
-  return "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [" + torques + "]\n" +
-         laws +
-         "constraints: [k]\nk: {type: variator_sim/ExpressionConstraint, order: 2, expression: "
-         "\"e2-0.5*e1\"}\ninitial: {velocity: [" +
-         plainly(w) + ", " + plainly(0.5 * w) + "]}\n";
+std::string gear(std::vector<std::string> torques, double w) {
+  torques.emplace_back("k: e2-0.5*e1");
+  return sceneText("a 1.5, b 0.8", torques, "initial: {velocity: " + list({w, 0.5 * w}) + "}");
 }
 
 /// Friction through zero speed: a torque that swings, friction weaker and stronger than it.
@@ -317,15 +265,14 @@ TEST(Kinks, FrictionThroughZeroSpeed) {
       isLongForm() ? std::vector<double>{1, 0.1, 1e-2, 1e-3, 1e-4} : std::vector<double>{0.1, 1e-3};
   for (double width : widths) {
     for (double coulomb : {0.1, 1.0, 10.0}) {
-      const std::string laws =
-          "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"2*cos(3*t)\"}\n"
-          "f: {type: variator_sim/Friction, shaft: a, coulomb: " +
-          plainly(coulomb) + ", regularization_speed: " + plainly(width) + "}\n";
+      const std::vector<std::string> laws = {
+          "m on a: 2*cos(3*t)", "f = Friction, shaft: a, coulomb: " + plainly(coulomb) +
+                                    ", regularization_speed: " + plainly(width)};
       // A shaft that is caught in the layer follows Q - T tanh(w/width) = 0 at once: an error of w
       // within the layer is coulomb/width/J times as large in the acceleration.
       compareWithShortSteps(hazard, accelerations,
-                            "width " + text(width) + ", coulomb " + text(coulomb),
-                            gear("m, f", laws, 1.0), times, {}, 1.0, std::min(1e-2, 0.1 * width),
+                            "width " + text(width) + ", coulomb " + text(coulomb), gear(laws, 1.0),
+                            times, {}, 1.0, std::min(1e-2, 0.1 * width),
                             // rounding of w is coulomb/width/J of it in the acceleration
                             width < 1e-3 ? 1e-12 : 1e-13);
     }
@@ -340,21 +287,17 @@ TEST(Kinks, Tables) {
   const std::vector<double> times = evenly(3.0, 9);
   for (double scale : {1.0, 10.0, 1000.0}) {
     const std::string s = plainly(scale);
-    const auto times_scale = [&](const std::vector<double>& values) {
-      std::string list;
-      for (double value : values) list += (list.empty() ? "" : ", ") + plainly(value * scale);
-      return "[" + list + "]";
+    const auto scaled = [&](std::vector<double> values) {
+      for (double& value : values) value *= scale;
+      return list(values);
     };
     for (const char* beyond : {"constant", "linear"}) {
       compareWithShortSteps(
           hazard, accelerations, std::string("motor table, beyond ") + beyond + ", scale " + s,
-          gear("m, l",
-               "m: {type: variator_sim/MotorCurve, shaft: a, characteristic: table, table: "
-               "{speed: " +
-                   times_scale({0.0, 0.5, 1.1, 1.2, 1.9}) +
-                   ", torque: " + times_scale({3.0, 3.2, 2.0, 4.0, 1.0}) + ", beyond: " + beyond +
-                   "}}\nl: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"" + s +
-                   "*1.5*cos(2.5*t)\"}\n",
+          gear({"m = MotorCurve, shaft: a, characteristic: table, table: {speed: " +
+                    scaled({0.0, 0.5, 1.1, 1.2, 1.9}) +
+                    ", torque: " + scaled({3.0, 3.2, 2.0, 4.0, 1.0}) + ", beyond: " + beyond + "}",
+                "l on b: " + s + "*1.5*cos(2.5*t)"},
                -0.3 * scale),
           // The torque rises with the speed between 1.1 and 1.2: errors grow as the acceleration
           // does there, from about (2 - 1.5)/1.7 to (4 + 1.5)/1.7 at the most.
@@ -363,45 +306,37 @@ TEST(Kinks, Tables) {
   }
   compareWithShortSteps(
       hazard, accelerations, "grade by time",
-      gear(
-          "v",
-          "v: {type: variator_sim/VehicleResistance, shaft: a, law: davis, wheel_radius: 0.5, "
-          "constant: 1, linear: 0.2, quadratic: 0.1, mass: 3, grade: {time: [0.2, 0.7, 0.75, 1.9], "
-          "grade: [0, 0.3, -0.3, 0.1]}}\n",
-          6.0),
+      gear({"v = VehicleResistance, shaft: a, law: davis, wheel_radius: 0.5, constant: 1, linear: "
+            "0.2, quadratic: 0.1, mass: 3, grade: {time: [0.2, 0.7, 0.75, 1.9], grade: [0, 0.3, "
+            "-0.3, 0.1]}"},
+           6.0),
       times, {}, 1.0, 2e-3);
   compareWithShortSteps(
       hazard, accelerations, "diesel",
-      gear("d, l",
-           "d: {type: variator_sim/DieselEngine, shaft: a, full_load: {speed: [0, 1, 2, 2.2, 4], "
-           "torque: [0, 4, 5, 2, 0]}, rack: 0.5, friction: {constant: 0.3, linear: 0.1}, "
-           "idle_governor: {speed: 0.8, band: 0.1}}\n"
-           "l: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"-2*cos(2*t)\"}\n",
+      gear({"d = DieselEngine, shaft: a, full_load: {speed: [0, 1, 2, 2.2, 4], torque: [0, 4, 5, "
+            "2, 0]}, rack: 0.5, friction: {constant: 0.3, linear: 0.1}, idle_governor: {speed: "
+            "0.8, band: 0.1}",
+            "l on b: -2*cos(2*t)"},
            1.5),
       times, {}, 3.0, 2e-3);
   compareWithShortSteps(
       hazard, accelerations, "a propeller that turns round",
-      gear("p, m",
-           "p: {type: variator_sim/Propeller, shaft: b, coefficient: 2}\n"
-           "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"3*cos(2*t)\"}\n",
-           -1.0),
-      times, {}, 1.0, 2e-3);
+      gear({"p = Propeller, shaft: b, coefficient: 2", "m on a: 3*cos(2*t)"}, -1.0), times, {}, 1.0,
+      2e-3);
   compareWithShortSteps(
       hazard, accelerations, "a cut",
-      gear("c, m",
-           "c: {type: variator_sim/CuttingTorque, shaft: a, torque: 3, begin: 0.31, ramp: 0.05, "
-           "end: 1.7}\n"
-           "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"4-w1\"}\n",
+      gear({"c = CuttingTorque, shaft: a, torque: 3, begin: 0.31, ramp: 0.05, end: 1.7",
+            "m on a: 4-w1"},
            2.0),
       times, {}, 1.0, 1e-3);
   // A ratio by a table (order 1)
   compareWithShortSteps(
       hazard, accelerations, "a ratio's table",
-      "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [m]\n"
-      "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"3*cos(2*t)\"}\n"
-      "constraints: [k]\nk: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: {times: "
-      "[0.2, "
-      "0.9, 1.1, 2], values: [0.5, 0.8, 0.6, 1]}}\ninitial: {velocity: [1, 0.5]}\n",
+      sceneText("a 1.5, b 0.8",
+                {"m on a: 3*cos(2*t)",
+                 "k = KinematicRatio, shafts: [a, b], ratio: {times: [0.2, 0.9, 1.1, 2], values: "
+                 "[0.5, 0.8, 0.6, 1]}"},
+                "initial: {velocity: [1, 0.5]}"),
       times, {}, 1.0, 1e-3);
 }
 
@@ -417,14 +352,11 @@ TEST(Kinks, RateLimitsAndClamps) {
     for (double rate : rates) {
       // Up to 3 (a command of 5, clamped), before it is there perhaps down to -1; at 1.4 s zero by
       // the timeout of 0.6 s after the last command.
-      const Scene plain = sceneFromText(
-          "shafts: [a]\na: {inertia: 1.5}\ntorques: [m, q]\n"
-          "m: {type: variator_sim/CommandedTorque, shaft: a, topic: m, hold: rate_limit, rate: " +
-          plainly(rate) +
-          ", min: -2, max: 3, timeout: 0.6, on_timeout: zero}\n"
-          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-0.6*w1\"}\n"
-          "constraints: []\nprinciple: " +
-          principle + "\n");
+      const Scene plain = sceneFromText("a 1.5",
+                                        {"m on a from m, hold: rate_limit, rate: " + plainly(rate) +
+                                             ", min: -2, max: 3, timeout: 0.6, on_timeout: zero",
+                                         "q on a: -0.6*w1"},
+                                        std::string("principle: ") + principle);
       const std::vector<TimedCommand> commands = {{0.3, 0, 5.0}, {0.8, 0, -1.0}};
       // u is piecewise linear: (from, value, slope)
       struct Piece {

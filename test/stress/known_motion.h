@@ -218,6 +218,22 @@ struct KnownMotion {
   }
 };
 
+/// Of both principles and these orders, and of order 2 nonlinear ones, too.
+inline std::vector<KnownMotion> knownMotions(const std::vector<int>& orders, bool with_nonlinear) {
+  std::vector<KnownMotion> motions;
+  for (const Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
+    for (const int order : orders) {
+      KnownMotion motion;
+      motion.principle = principle;
+      motion.order = order;
+      motions.push_back(motion);
+      motion.nonlinear = true;
+      if (with_nonlinear && order == 2) motions.push_back(motion);
+    }
+  }
+  return motions;
+}
+
 /// Two shafts behind an elastic coupling, a third geared to the second one by `order` (0: none):
 /// theta = phi1 - phi2 swings like a damped oscillator about m / (J1 w^2), and all of it turns.
 struct ElasticDrive {
@@ -242,32 +258,16 @@ struct ElasticDrive {
   std::string yaml() const {
     const Sample start = at(0.0);
     const int s = order == 0 ? 2 : 3;
-    std::string text = order == 0 ? "shafts: [a, b]\n" : "shafts: [a, b, c]\nc: {inertia: 2}\n";
-    text +=
-        "a: {inertia: 0.4}\nb: {inertia: 0.7}\ntorques: [m, k]\n"
-        "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: " +
-        plainly(motor) +
-        "}\n"
-        "k: {type: variator_sim/ElasticCoupling, shafts: [a, b], stiffness: " +
-        plainly(stiffness) + ", damping: " + plainly(damping()) + "}\n";
-    if (order == 0) {
-      text += "constraints: []\n";
-    } else {
-      text += "constraints: [g]\ng: {type: variator_sim/ExpressionConstraint, order: " +
-              std::to_string(order) + ", expression: \"" +
-              (order == 1   ? "w3-0.5*w2"
-               : order == 2 ? "e3-0.5*e2"
-                            : "j3-0.5*j2") +
-              "\"}\n";
-    }
-    const auto list = [&](const double* x) {
-      std::string values;
-      for (int i = 0; i < s; ++i) values += (i ? ", " : "[") + plainly(x[i]);
-      return values + "]";
-    };
-    text += "initial: {angle: " + list(start.angle) + ", velocity: " + list(start.velocity);
-    if (order == 3) text += ", acceleration: " + list(start.acceleration);
-    return text + "}\nprinciple: " + toString(principle) + "\n";
+    std::vector<std::string> elements = {
+        "m on a: " + plainly(motor), "k = ElasticCoupling, shafts: [a, b], stiffness: " +
+                                         plainly(stiffness) + ", damping: " + plainly(damping())};
+    if (order > 0) elements.push_back("g" + ofOrder(order, "_3-0.5*_2"));
+    const auto first = [&](const double* x) { return list({x, x + s}); };
+    std::string initial =
+        "initial: {angle: " + first(start.angle) + ", velocity: " + first(start.velocity);
+    if (order == 3) initial += ", acceleration: " + first(start.acceleration);
+    return sceneText(order == 0 ? "a 0.4, b 0.7" : "a 0.4, b 0.7, c 2", elements,
+                     initial + "}\nprinciple: " + toString(principle));
   }
 
   /// The swing starts from theta = 0, theta' = 0.1.

@@ -2,16 +2,6 @@
 /// together from smooth pieces and against the same steps by commands; laws that are crossed back
 /// at once, which have no motion and have to say so at once; and constraints of order 1 with a
 /// kink, whose accelerations jump.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <string>
-#include <utility>
-#include <vector>
-
-#include "stress/hazard.h"
 #include "stress/methods.h"
 
 namespace variator_sim::test {
@@ -20,28 +10,6 @@ namespace {
 std::vector<double> sizes() {
   return isLongForm() ? std::vector<double>{1e-9, 1e-6, 1e-4, 1e-2, 0.1, 0.5, 0.9, 0.999}
                       : std::vector<double>{1e-6, 1e-2, 0.5, 0.999};
-}
-
-/// Shaft a of 1.5 kg m^2 under `torque`, alone (order 0), or with a gear of ratio 1/2 and 0.8.
-std::string geared(int order, const std::string& torque, double angle, double velocity,
-                   double acceleration) {
-  const std::string q =
-      "torques: [q]\nq: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" + torque +
-      "\"}\n";
-  if (order == 0) {
-    return "shafts: [a]\na: {inertia: 1.5}\n" + q + "initial: {angle: [" + plainly(angle) +
-           "], velocity: [" + plainly(velocity) + "]}\n";
-  }
-  const std::string v = order == 1 ? "w" : order == 2 ? "e" : "j";
-  return "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\n" + q +
-         "constraints: [k]\nk: {type: variator_sim/ExpressionConstraint, order: " +
-         std::to_string(order) + ", expression: \"" + v + "2-0.5*" + v +
-         "1\"}\ninitial: {angle: [" + plainly(angle) + ", 0], velocity: [" + plainly(velocity) +
-         ", " + plainly(0.5 * velocity) + "], acceleration: [" + plainly(acceleration) + ", " +
-         plainly(0.5 * acceleration) + "]}\n";
-}
-double inertiaOf(int order) {
-  return order == 0 ? 1.5 : 1.7;
 }
 
 /// Motion with accelerations that are constant between jumps.
@@ -92,11 +60,7 @@ Run tabulatePieces(const std::vector<double>& times, int order, Pieces x,
     sample.angle[0] = x.angle;
     sample.velocity[0] = x.velocity;
     sample.acceleration[0] = x.acceleration;
-    if (order > 0) {
-      sample.angle[1] = 0.5 * x.angle;  // (the caller starts from angle 0 where it compares it)
-      sample.velocity[1] = 0.5 * x.velocity;
-      sample.acceleration[1] = 0.5 * x.acceleration;
-    }
+    writeGear(order, sample);
     run.samples.push_back(sample);
   }
   return run;
@@ -134,14 +98,14 @@ TEST(LawJumps, OfTime) {
   std::vector<double> ratios = sizes();
   for (double size : {1.0, 10.0, 1e3, 1e6}) ratios.push_back(size);
   for (int order = 0; order <= 3; ++order) {
-    const double J = inertiaOf(order);
+    const double J = gearInertia(order);
     for (double K : ratios) {
       for (double drive : {1.0, 0.0}) {
-        const std::string base = exactly(drive) + "+" + exactly(K);
+        const std::string base = "q on a: " + exactly(drive) + "+" + exactly(K);
         const Pieces start = {0.0, 0.0, 0.4, (drive - K) / J};
         compareAll(
             hazard, &free,
-            geared(order, base + "*sign(t-" + exactly(a) + ")", 0.0, 0.4, (drive - K) / J),
+            gearText(order, {base + "*sign(t-" + exactly(a) + ")"}, 0.4, (drive - K) / J),
             tabulatePieces(
                 times, order, start,
                 [&](const Pieces& x) { return x.time < a ? a : double(HUGE_VAL); },
@@ -156,8 +120,9 @@ TEST(LawJumps, OfTime) {
       const Pieces start = {0.0, 0.0, 0.4, (1.0 + K) / J};
       compareAll(
           hazard, &free,
-          geared(order, "1+" + exactly(K) + "*sign(sin(" + exactly(kPi / half) + "*(t+0.05)))", 0.0,
-                 0.4, (1.0 + K) / J),
+          gearText(order,
+                   {"q on a: 1+" + exactly(K) + "*sign(sin(" + exactly(kPi / half) + "*(t+0.05)))"},
+                   0.4, (1.0 + K) / J),
           tabulatePieces(
               between, order, start,
               [&](const Pieces& x) {
@@ -180,19 +145,20 @@ TEST(LawJumps, OfASpeed) {
   Hazard free("jumps of laws", "reaction of a free shaft after it, in roundings", "the same");
   const std::vector<double> times = {0.3, 0.6, 1.1, 1.9, 3.7};
   for (int order = 0; order <= 3; ++order) {
-    const double J = inertiaOf(order);
+    const double J = gearInertia(order);
     for (double K : sizes()) {
       const double w0 = 0.8;
       const double crossing = w0 * J / (1.0 + K);
       const Pieces start = {0.0, 0.0, w0, -(1.0 + K) / J};
-      compareAll(hazard, &free,
-                 geared(order, "-1-" + exactly(K) + "*sign(w1)", 0.0, w0, start.acceleration),
-                 tabulatePieces(
-                     times, order, start,
-                     [&](const Pieces& x) { return x.time < crossing ? crossing : HUGE_VAL; },
-                     [&](const Pieces&) { return -(1.0 - K) / J; }),
-                 times, "K " + text(K) + ", order " + std::to_string(order), 2.0,
-                 10.0 * kEps * (1.0 + K), 1.0 + K);
+      compareAll(
+          hazard, &free,
+          gearText(order, {"q on a: -1-" + exactly(K) + "*sign(w1)"}, w0, start.acceleration),
+          tabulatePieces(
+              times, order, start,
+              [&](const Pieces& x) { return x.time < crossing ? crossing : HUGE_VAL; },
+              [&](const Pieces&) { return -(1.0 - K) / J; }),
+          times, "K " + text(K) + ", order " + std::to_string(order), 2.0, 10.0 * kEps * (1.0 + K),
+          1.0 + K);
     }
   }
 }
@@ -207,7 +173,7 @@ TEST(LawJumps, OfAnAngle) {
   const double at = 0.3;
   const std::vector<double> times = evenly(4.0, 9);
   for (int order = 0; order <= 3; ++order) {
-    const double J = inertiaOf(order);
+    const double J = gearInertia(order);
     for (double K : ratios) {
       // An oscillation where K > 1: of energy 1/2, in the end several passes.
       const Pieces start = {0.0, -0.1, 1.7, -(1.0 - K) / J};
@@ -225,8 +191,8 @@ TEST(LawJumps, OfAnAngle) {
       // 2 K/J over the speed; and grows on the way back and forth.
       const double growth = (1.0 + passes) * (1.0 + steepest / slowest) * 4.0;
       compareAll(hazard, &free,
-                 geared(order, "-1-" + exactly(K) + "*sign(phi1-" + exactly(at) + ")", -0.1, 1.7,
-                        start.acceleration),
+                 gearText(order, {"q on a: -1-" + exactly(K) + "*sign(phi1-" + exactly(at) + ")"},
+                          1.7, start.acceleration, -0.1),
                  exact, times, "K " + text(K) + ", order " + std::to_string(order), growth,
                  100.0 * growth * kEps, 1.0 + K);
     }
@@ -240,13 +206,10 @@ const char* const kCurved[] = {
     "e2-0.5*e1-0.1*sin(e1)+0.3*(w2-0.5*w1)",
 };
 
-std::string curved(const char* psi, const std::string& torque) {
-  return "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2}\ntorques: [f, q]\n"
-         "f: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-0.2*w1\"}\nq: " +
-         torque +
-         "\nconstraints: [k]\nk: {type: variator_sim/ExpressionConstraint, order: 2, expression: "
-         "\"" +
-         psi + "\"}\ninitial: {velocity: [3, 1]}\n";
+Scene curved(const char* psi, const std::string& torque, const char* principle) {
+  return withFewSteps(
+      sceneFromText("a 0.8, b 2", {"f on a: -0.2*w1", "q on a" + torque, std::string("k: ") + psi},
+                    std::string("initial: {velocity: [3, 1]}\nprinciple: ") + principle));
 }
 
 /// The law has the effect of commands of the same size at the same instants.
@@ -255,18 +218,11 @@ TEST(LawJumps, AreCommandsAtTheirInstants) {
                 "sizes 1e-3 to 30 N m, of time and speed");
   const std::vector<double> times = evenly(2.0, 7);
   for (const char* principle : kPrinciples) {
-    const std::string end = std::string("principle: ") + principle + "\n";
     for (const char* psi : kCurved) {
       for (double K : {1e-3, 0.3, 6.0, 30.0}) {
         for (int of = 0; of < 3; ++of) {  // the time once, many times, a speed
           const double before = of == 1 ? 2.0 + K : 2.0 - K;
-          const auto commanded = [&](double value) {
-            return curved(psi,
-                          "{type: variator_sim/CommandedTorque, shaft: a, topic: u, initial: " +
-                              plainly(value) + "}") +
-                   end;
-          };
-          Scene tight = withSolver(withFewSteps(sceneFromText(commanded(before))),
+          Scene tight = withSolver(curved(psi, " from u, initial: " + plainly(before), principle),
                                    StepperKind::kFehlberg78, 1e-13);
           tight.solver.sleep = false;
           std::vector<TimedCommand> commands;
@@ -305,19 +261,12 @@ TEST(LawJumps, AreCommandsAtTheirInstants) {
             }
             if (comes_back) continue;
           }
-          const Scene plain = sceneFromText(
-              curved(psi,
-                     "{type: variator_sim/ExpressionTorque, shaft: a, torque: \"" + law + "\"}") +
-              end);
-          for (const Method& method : methodsOf(withFewSteps(plain), sweptTolerances())) {
-            const test::Run run = play(method.scene, times);
-            const std::string label =
-                std::string(principle) + " " + law + " on " + psi + " " + method.name;
-            // accelerations that change quickly where the speed is passed
-            hazard.compare(run, reference, method.scene, label,
-                           kAllowed * (of == 2 ? 1.0 + K : 1.0) + 1e-11 / method.tolerance);
-            expectNoStop(run, method.scene, label);
-          }
+          compareMethods(hazard, curved(psi, ": " + law, principle), reference,
+                         std::string(principle) + " " + law + " on " + psi,
+                         {sweptTolerances(), Stops::kKnown}, [&](double tolerance) {
+                           // accelerations that change quickly where the speed is passed
+                           return kAllowed * (of == 2 ? 1.0 + K : 1.0) + 1e-11 / tolerance;
+                         });
         }
       }
     }
@@ -348,25 +297,25 @@ TEST(LawJumps, CrossedBackAtOnceStops) {
   std::vector<Sliding> list;
   for (double drive : {0.0, 1.0, -4.0, 4.9, -4.999}) {
     for (int order = 0; order <= 3; ++order) {
-      const double J = inertiaOf(order);
-      list.push_back({"friction, drive " + text(drive) + ", order " + std::to_string(order),
-                      geared(order, exactly(drive) + "-5*sign(w1)", 0.0, 2.0, (drive - 5.0) / J),
-                      2.0 * J / (5.0 - drive), "torque 'q'"});
+      const double J = gearInertia(order);
+      list.push_back(
+          {"friction, drive " + text(drive) + ", order " + std::to_string(order),
+           gearText(order, {"q on a: " + exactly(drive) + "-5*sign(w1)"}, 2.0, (drive - 5.0) / J),
+           2.0 * J / (5.0 - drive), "torque 'q'"});
     }
   }
   for (double K : {0.1, 5.0, 1e3}) {
     list.push_back({"clutch " + text(K),
-                    "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [p, q]\n"
-                    "p: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-" +
-                        exactly(K) + "*sign(w1-w2)\"}\n" +
-                        "q: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"" +
-                        exactly(K) + "*sign(w1-w2)\"}\ninitial: {velocity: [0.3, 0.1]}\n",
+                    sceneText("a 1.5, b 0.8",
+                              {"p on a: -" + exactly(K) + "*sign(w1-w2)",
+                               "q on b: " + exactly(K) + "*sign(w1-w2)"},
+                              "initial: {velocity: [0.3, 0.1]}"),
                     0.2 / (K / 1.5 + K / 0.8), "torque '"});
   }
-  list.push_back({"a moving edge", geared(0, "-5*sign(w1-sin(t))", 0.0, 2.0, 0.0),
+  list.push_back({"a moving edge", gearText(0, {"q on a: -5*sign(w1-sin(t))"}, 2.0),
                   solve([](double t) { return std::sin(t) - (2.0 - t * 5.0 / 1.5); }, 0.0, 3.0),
                   "torque 'q'"});
-  list.push_back({"a sliding line", geared(0, "-5*sign(w1+phi1)", 1.0, 1.0, 0.0),
+  list.push_back({"a sliding line", gearText(0, {"q on a: -5*sign(w1+phi1)"}, 1.0, 0.0, 1.0),
                   // phi = 1 + t - (5/1.5) t^2/2
                   solve(
                       [](double t) {
@@ -377,9 +326,7 @@ TEST(LawJumps, CrossedBackAtOnceStops) {
                   "torque 'q'"});
   list.push_back(
       {"order 3",
-       "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\nconstraints: [v]\n"
-       "v: {type: variator_sim/ExpressionConstraint, order: 3, expression: \"j2-5*sign(1-e2)\"}\n"
-       "initial: {acceleration: [0, 0]}\n",
+       sceneText("a 1, b 2", {"v of order 3: j2-5*sign(1-e2)"}, "initial: {acceleration: [0, 0]}"),
        0.2, "constraint 'v'"});
   int most = 0;
   std::string where;
@@ -447,28 +394,23 @@ TEST(KinksOfOrder1, OfASpeedAreLimitsOfSmoothOnes) {
           sample.acceleration[1] = c * sample.acceleration[0];
         });
         const double c0 = is_abs ? -k : 0.0;
-        const auto yaml = [&](const std::string& bent, double velocity) {
-          return "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [q]\n"
-                 "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"1\"}\n"
-                 "constraints: [k]\nk: {type: variator_sim/ExpressionConstraint, order: 1, "
-                 "expression: \"w2-" +
-                 exactly(k) + "*" + bent + "\"}\ninitial: {velocity: [" + plainly(w0) + ", " +
-                 plainly(velocity) + "]}\nprinciple: " + principle + "\n";
+        const auto bentScene = [&](const std::string& bent, double velocity) {
+          return sceneFromText(
+              "a 1.5, b 0.8", {"q on a: 1", "k of order 1: w2-" + exactly(k) + "*" + bent},
+              "initial: {velocity: " + list({w0, velocity}) + "}\nprinciple: " + principle);
         };
         const std::string what =
             std::string(principle) + (is_abs ? " abs" : " max") + ", k " + text(k);
-        const Scene kinked = sceneFromText(yaml(is_abs ? "abs(w1)" : "max(0,w1)", c0 * w0));
-        for (const Method& method : methodsOf(withFewSteps(kinked), sweptTolerances())) {
-          hazard.compare(play(method.scene, times), exact, method.scene, what + " " + method.name,
-                         kAllowed * (1.0 + k));
-        }
+        const Scene kinked = bentScene(is_abs ? "abs(w1)" : "max(0,w1)", c0 * w0);
+        compareMethods(hazard, withFewSteps(kinked), exact, what, {sweptTolerances(), Stops::kAny},
+                       kAllowed * (1.0 + k));
         for (double d : {1e-2, 1e-4, 1e-6}) {
           const double root = std::sqrt(w0 * w0 + d * d);
           const std::string bent = is_abs ? "sqrt(w1^2+" + exactly(d * d) + ")"
                                           : "(0.5*(w1+sqrt(w1^2+" + exactly(d * d) + ")))";
-          const Scene scene = withSolver(
-              withFewSteps(sceneFromText(yaml(bent, k * (is_abs ? root : 0.5 * (w0 + root))))),
-              StepperKind::kFehlberg78, 1e-9);
+          const Scene scene =
+              withSolver(withFewSteps(bentScene(bent, k * (is_abs ? root : 0.5 * (w0 + root)))),
+                         StepperKind::kFehlberg78, 1e-9);
           smooth.compare(play(scene, times), exact, scene, what + ", width " + text(d),
                          kAllowed + 10.0 * (1.0 + k) * d / 1e-9);
         }
@@ -499,20 +441,15 @@ TEST(KinksOfOrder1, OfTime) {
           sample.velocity[0] = part * way;
           sample.velocity[1] = 0.5 * part * way + K * way + (is_abs ? K * a : 0.0);
         });
-        const Scene plain = sceneFromText(
-            std::string("shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\nconstraints: [k]\n"
-                        "k: {type: variator_sim/ExpressionConstraint, order: 1, expression: "
-                        "\"w2-0.5*w1-") +
-            exactly(K) + (is_abs ? "*abs(t-0.637)" : "*max(0,t-0.637)") +
-            "\"}\ninitial: {velocity: [0, " + plainly(is_abs ? K * a : 0.0) +
-            "]}\nprinciple: " + principle + "\n");
-        for (const Method& method : methodsOf(withFewSteps(plain), sweptTolerances())) {
-          const test::Run run = play(method.scene, times);
-          const std::string label = std::string(principle) + (is_abs ? " abs" : " max") + ", K " +
-                                    text(K) + " " + method.name;
-          hazard.compare(run, exact, method.scene, label);
-          expectNoStop(run, method.scene, label);
-        }
+        const Scene plain =
+            sceneFromText("a 1.5, b 0.8",
+                          {"k of order 1: w2-0.5*w1-" + exactly(K) +
+                           (is_abs ? "*abs(t-0.637)" : "*max(0,t-0.637)")},
+                          "initial: {velocity: " + list({0.0, is_abs ? K * a : 0.0}) +
+                              "}\nprinciple: " + principle);
+        compareMethods(hazard, withFewSteps(plain), exact,
+                       std::string(principle) + (is_abs ? " abs" : " max") + ", K " + text(K),
+                       {sweptTolerances(), Stops::kKnown});
       }
     }
   }

@@ -2,14 +2,6 @@
 /// labels.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstdio>
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "stress/hazard.h"
 #include "support/scenes.h"
 
@@ -89,15 +81,40 @@ inline std::vector<Method> methodsOf(const Scene& scene, const std::vector<doubl
 
 /// A number in full precision, in parentheses: for formulas.
 inline std::string exactly(double value) {
-  char buffer[40];
-  std::snprintf(buffer, sizeof buffer, "(%.17g)", value);
-  return buffer;
+  return "(" + plainly(value) + ")";
 }
-/// The same without parentheses: for keys.
-inline std::string plainly(double value) {
-  char buffer[40];
-  std::snprintf(buffer, sizeof buffer, "%.17g", value);
-  return buffer;
+
+/// The line of a constraint behind its name: in `formula` _ stands for the variables of `order`,
+/// w, e or j.
+inline std::string ofOrder(int order, const std::string& formula) {
+  std::string line = " of order " + std::to_string(order) + ": ";
+  for (const char letter : formula) line += letter == '_' ? "?wej"[order] : letter;
+  return line;
+}
+
+/// Shaft a of 1.5 kg m^2 with the lines of `torques`, alone (order 0) or with a gear of ratio 1/2,
+/// of that order, to shaft b of 0.8 kg m^2.
+inline std::string gearText(int order, std::vector<std::string> torques, double velocity = 0.0,
+                            double acceleration = 0.0, double angle = 0.0) {
+  if (order == 0) {
+    return sceneText("a 1.5", torques,
+                     "initial: {angle: " + list({angle}) + ", velocity: " + list({velocity}) + "}");
+  }
+  torques.push_back("k" + ofOrder(order, "_2-0.5*_1"));
+  return sceneText("a 1.5, b 0.8", torques,
+                   "initial: {angle: " + list({angle, 0.0}) +
+                       ", velocity: " + list({velocity, 0.5 * velocity}) +
+                       ", acceleration: " + list({acceleration, 0.5 * acceleration}) + "}");
+}
+/// What moves with shaft a, kg m^2.
+inline double gearInertia(int order) {
+  return order == 0 ? 1.5 : 1.5 + 0.25 * 0.8;
+}
+/// The motion of shaft b by that of shaft a.
+inline void writeGear(int order, Sample& sample) {
+  if (order == 0) return;
+  sample.velocity[1] = 0.5 * sample.velocity[0];
+  sample.acceleration[1] = 0.5 * sample.acceleration[0];
 }
 
 /// A motion known at every instant: `write(t, sample)` fills velocities and accelerations.
@@ -112,6 +129,40 @@ Run tabulate(const std::vector<double>& times, Write write) {
   }
   if (!times.empty()) run.end = times.back();
   return run;
+}
+
+/// The stops that a comparison takes for right: those of expectNoStop, or all that have a name.
+enum class Stops { kNone, kKnown, kAny };
+
+/// How a scene is played by all methods.
+struct Asked {
+  std::vector<double> tolerances = sweptTolerances();
+  Stops stops = Stops::kNone;
+  Columns columns = Columns::kVelocityAndAcceleration;
+  std::vector<TimedCommand> commands = {};
+};
+
+/// `scene` by all methods against `exact`, at its instants. `allowed` is a function of the
+/// tolerance, in tolerances.
+inline void compareMethods(Hazard& hazard, const Scene& scene, const Run& exact,
+                           const std::string& label, const Asked& asked,
+                           const std::function<double(double)>& allowed) {
+  std::vector<double> times;
+  for (const Sample& sample : exact.samples) times.push_back(sample.time);
+  for (const Method& method : methodsOf(scene, asked.tolerances)) {
+    const Run run = play(method.scene, times, asked.commands);
+    const std::string full = label + ", " + method.name;
+    hazard.compare(run, exact, method.scene, full, allowed(method.tolerance), asked.columns);
+    if (asked.stops == Stops::kNone) {
+      EXPECT_EQ(run.reason, StopReason::kNone) << full << ": " << run.message;
+    }
+    if (asked.stops == Stops::kKnown) expectNoStop(run, method.scene, full);
+  }
+}
+inline void compareMethods(Hazard& hazard, const Scene& scene, const Run& exact,
+                           const std::string& label, const Asked& asked = {},
+                           double allowed = kAllowed) {
+  compareMethods(hazard, scene, exact, label, asked, [=](double) { return allowed; });
 }
 
 /// The integral of f from a to b: `panels` times Gauss' rule of five points, good to rounding for

@@ -1,17 +1,8 @@
 /// The order of a list says nothing: shafts, torques, constraints, couplings of inertia, timeouts
 /// that fall on one instant, and commands of one instant.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <map>
 #include <numeric>
 #include <random>
-#include <string>
-#include <utility>
-#include <vector>
 
-#include "stress/hazard.h"
 #include "stress/methods.h"
 #include "variator_sim/io/command_file.h"
 

@@ -5,7 +5,6 @@
 
 #include <random>
 
-#include "stress/hazard.h"
 #include "stress/methods.h"
 
 namespace variator_sim::test {
@@ -59,30 +58,6 @@ std::string pulses(const Shape& shape, const std::string& variable, double offse
   return "(" + sum + ")";
 }
 
-/// Shaft a under `torque`, alone (order 0) or with a gear of ratio 1/2 that adds 1/4 of 0.8 to its
-/// inertia of 1.5.
-std::string geared(int order, const std::string& torque, double velocity, double acceleration) {
-  if (order == 0) {
-    return test::sceneText("a 1.5", {std::string("q on a: ") + torque},
-                           "initial: {velocity: [" + plainly(velocity) + "]}");
-  }
-  const std::string v = order == 1 ? "w" : order == 2 ? "e" : "j";
-  return "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [q]\n"
-         "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-         torque + "\"}\nconstraints: [k]\nk: {type: variator_sim/ExpressionConstraint, order: " +
-         std::to_string(order) + ", expression: \"" + v + "2-0.5*" + v +
-         "1\"}\ninitial: {velocity: [" + plainly(velocity) + ", " + plainly(0.5 * velocity) +
-         "], acceleration: [" + plainly(acceleration) + ", " + plainly(0.5 * acceleration) + "]}\n";
-}
-double inertiaOf(int order) {
-  return order == 0 ? 1.5 : 1.7;
-}
-void writeGear(int order, Sample& sample) {
-  if (order == 0) return;
-  sample.velocity[1] = 0.5 * sample.velocity[0];
-  sample.acceleration[1] = 0.5 * sample.acceleration[0];
-}
-
 std::string withPrinciple(const std::string& yaml, const std::string& principle) {
   return yaml + "principle: " + principle + "\n";
 }
@@ -125,7 +100,7 @@ TEST(Pulses, OfTime) {
         for (int order = 0; order <= 3; order += sizeOf(2, 1)) {
           for (double base : {0.0, 1.0}) {
             for (double size : {1.0, -1e-3}) {
-              const double J = inertiaOf(order);
+              const double J = gearInertia(order);
               const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
                 const double passed = std::max(0.0, std::min<double>(n, std::floor(t - first) + 1));
                 sample.velocity[0] = 0.3 + (base * std::sin(t) + size * passed) / J;
@@ -139,10 +114,12 @@ TEST(Pulses, OfTime) {
                                         text(width) + ", size " + text(size) + ", base " +
                                         text(base) + ", order " + std::to_string(order);
               // Edges are known to rounding of the time.
-              compareAll(hazard, withPrinciple(geared(order, torque, 0.3, base / J), principle),
-                         exact, times, label, [&](double tolerance) {
-                           return kAllowed + 40.0 * kEps * n * std::abs(size) / width / tolerance;
-                         });
+              compareAll(
+                  hazard,
+                  withPrinciple(gearText(order, {"q on a: " + torque}, 0.3, base / J), principle),
+                  exact, times, label, [&](double tolerance) {
+                    return kAllowed + 40.0 * kEps * n * std::abs(size) / width / tolerance;
+                  });
             }
           }
         }
@@ -190,7 +167,7 @@ TEST(Pulses, OfAngle) {
         for (const char* principle : kPrinciples) {
           for (int order : {0, 2}) {
             if (!isLongForm() && order > 0 && part > 0.0) continue;
-            const double J = inertiaOf(order);
+            const double J = gearInertia(order);
             test::Run exact;
             for (std::size_t i = 0; i < middle.size(); ++i) {
               Sample sample;
@@ -210,8 +187,8 @@ TEST(Pulses, OfAngle) {
             // The work of a pulse is known to rounding of the angle over its width; what is wrong
             // at its edges by a tolerance of the angle cancels, for both edges are.
             compareAll(
-                hazard, withPrinciple(geared(order, torque, w0, 0.0), principle), exact, middle,
-                label,
+                hazard, withPrinciple(gearText(order, {"q on a: " + torque}, w0), principle), exact,
+                middle, label,
                 [&](double tolerance) {
                   return growth * (kAllowed + 100.0 * kEps * std::abs(part) / width / tolerance);
                 },
@@ -320,7 +297,7 @@ TEST(Pulses, ManyWithinAStep) {
           for (int order : {0, 2}) {
             // b turns evenly beside a gear of a, or alone
             if (order == 2 && of[0] == 'p') continue;
-            const double J = inertiaOf(order);
+            const double J = gearInertia(order);
             const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
               const double half_waves = std::floor(z * t / kPi);
               const double rest = z * t - half_waves * kPi;
@@ -329,12 +306,11 @@ TEST(Pulses, ManyWithinAStep) {
               if (of[0] == 'p') sample.velocity[1] = 1.0;
               writeGear(order, sample);
             });
-            const std::string torque = exactly(K) + "*abs(sin(" + exactly(z) + "*" + of + "))";
+            const std::string torque =
+                "q on a: " + exactly(K) + "*abs(sin(" + exactly(z) + "*" + of + "))";
             const std::string yaml =
-                of[0] == 't' ? geared(order, torque, 0.0, 0.0)
-                             : "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 1}\ntorques: [q]\n"
-                               "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-                                   torque + "\"}\ninitial: {velocity: [0, 1]}\n";
+                of[0] == 't' ? gearText(order, {torque})
+                             : sceneText("a 1.5, b 1", {torque}, "initial: {velocity: [0, 1]}");
             compareAll(hazard, withPrinciple(yaml, principle), exact, times,
                        std::string(principle) + " z " + text(z) + ", K " + text(K) + ", of " + of +
                            ", order " + std::to_string(order),

@@ -1,11 +1,5 @@
 #include "stress/random_scene.h"
 
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <sstream>
-#include <utility>
-
 #include "stress/random.h"
 #include "support/scenes.h"
 

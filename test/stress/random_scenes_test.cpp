@@ -1,16 +1,9 @@
 // Hazard 11: scenes made at random, run by several methods, must agree within what was asked for or
 // stop by name. The folder `kept` has the scenes that once failed.
-#include <gtest/gtest.h>
 
-#include <algorithm>
 #include <atomic>
-#include <cstdint>
-#include <cstdio>
 #include <cstdlib>
-#include <map>
-#include <string>
 #include <thread>
-#include <vector>
 
 #include "stress/random_scene.h"
 #include "support/scenes.h"

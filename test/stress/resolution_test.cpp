@@ -3,23 +3,13 @@
 // tolerance, or stops by name.
 //
 //     resolution_test SEED   plays one scene and prints it
-#include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <atomic>
-#include <cmath>
-#include <cstdint>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <map>
-#include <sstream>
-#include <string>
 #include <thread>
-#include <utility>
-#include <vector>
 
 #include "emit_c/emit_c.h"
 #include "io/text_file.h"

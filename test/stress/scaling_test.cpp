@@ -1,14 +1,7 @@
 // Sizes: inertias far apart, an inertia matrix near the edge of being positive definite, and scenes
 // written in other units of time, angle and inertia, which must give the motion in those units.
 // Every reference is an exact solution.
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-#include <string>
-#include <vector>
-
-#include "stress/hazard.h"
 #include "stress/known_motion.h"
 
 namespace variator_sim::test {
@@ -28,41 +21,22 @@ std::vector<double> powers(int largest) {
   return values;
 }
 
-/// Orders, principles and linear or not: every kind of KnownMotion at a mild time constant.
-std::vector<KnownMotion> kinds() {
-  std::vector<KnownMotion> motions;
-  for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
-    for (int order : {1, 2, 3}) {
-      for (bool nonlinear : {false, true}) {
-        if (nonlinear && order != 2) continue;
-        KnownMotion motion;
-        motion.principle = principle;
-        motion.order = order;
-        motion.nonlinear = nonlinear;
-        motions.push_back(motion);
-      }
-    }
-  }
-  return motions;
-}
+/// Every kind of KnownMotion at a mild time constant.
+const std::vector<KnownMotion> kKinds = knownMotions({1, 2, 3}, true);
 
 TEST(Scaling, InertiaRatios) {
   Hazard hazard("scaling", "inertia ratio J2 / J1", "1e-6 .. 1e6");
   const std::vector<double> times = evenly(kEnd, 12);
-  for (KnownMotion motion : kinds()) {
+  for (KnownMotion motion : kKinds) {
     for (double ratio : powers(6)) {
       motion.inertia[0] = 1.0;
       motion.inertia[1] = ratio;
       // a reaction of the size of the smaller inertia: it moves that one about as much as the
       // motion does
       motion.reaction = 3.0 * std::min(1.0, ratio);
-      const auto exact = motion.exact(times);
-      const Scene scene = motion.scene();
-      for (const Method& method : methodsOf(scene, tolerances())) {
-        hazard.compare(play(method.scene, times), exact, method.scene,
-                       motion.label() + ", ratio " + text(ratio) + ", " + method.name, kAllowed,
-                       Columns::kAll);
-      }
+      compareMethods(hazard, motion.scene(), motion.exact(times),
+                     motion.label() + ", ratio " + text(ratio),
+                     {tolerances(), Stops::kAny, Columns::kAll});
     }
   }
 }
@@ -71,7 +45,7 @@ TEST(Scaling, InertiaRatios) {
 TEST(Scaling, NearlySingularInertia) {
   Hazard hazard("scaling", "inertia coupling, 1 - J12 / sqrt(J1 J2)", "1 .. 1e-6");
   const std::vector<double> times = evenly(kEnd, 12);
-  for (KnownMotion motion : kinds()) {
+  for (KnownMotion motion : kKinds) {
     for (int n = 0; n <= 6; n += sizeOf(2, 1)) {
       const double rest = std::pow(10.0, -n);
       for (double sign : {1.0, -1.0}) {
@@ -80,14 +54,9 @@ TEST(Scaling, NearlySingularInertia) {
         motion.inertia[1] = 1.0;
         motion.coupling = sign * (1.0 - rest);
         motion.reaction = rest;
-        const auto exact = motion.exact(times);
-        const Scene scene = motion.scene();
-        for (const Method& method : methodsOf(scene, tolerances())) {
-          hazard.compare(play(method.scene, times), exact, method.scene,
-                         motion.label() + ", J12 " + text(sign) + " - " + text(sign * rest) + ", " +
-                             method.name,
-                         kAllowed, Columns::kAll);
-        }
+        compareMethods(hazard, motion.scene(), motion.exact(times),
+                       motion.label() + ", J12 " + text(sign) + " - " + text(sign * rest),
+                       {tolerances(), Stops::kAny, Columns::kAll});
       }
     }
   }
@@ -96,7 +65,7 @@ TEST(Scaling, NearlySingularInertia) {
 /// A motion in other units, to relative tolerances only: nothing in it passes through zero.
 void sweepUnits(Hazard& hazard, const char* unit, int largest,
                 void (*scale)(KnownMotion&, double)) {
-  for (KnownMotion motion : kinds()) {
+  for (KnownMotion motion : kKinds) {
     motion.trend = 3.0;
     for (double factor : powers(largest)) {
       scale(motion, factor);
@@ -148,7 +117,7 @@ TEST(Scaling, AllUnits) {
 TEST(Scaling, AbsoluteTolerance) {
   Hazard hazard("scaling", "unit of angle, absolute tolerance in the same unit", "1e-9 .. 1e9");
   const std::vector<double> times = evenly(kEnd, 12);
-  for (KnownMotion motion : kinds()) {
+  for (KnownMotion motion : kKinds) {
     for (double factor : powers(9)) {
       motion.angle_scale = factor;
       const auto exact = motion.exact(times);
@@ -183,24 +152,15 @@ TEST(Scaling, UnitOfAngleOfACurvedTorque) {
           sample.acceleration[1] = 0.5 * sample.acceleration[0];
           sample.angle[1] = 0.5 * sample.angle[0];
         });
-        std::string yaml = order == 0 ? "shafts: [a]\na: {inertia: 1.5}\nconstraints: []\n"
-                                      : "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\n"
-                                        "constraints: [g]\n"
-                                        "g: {type: variator_sim/ExpressionConstraint, order: " +
-                                            std::to_string(order) + ", expression: \"" +
-                                            (order == 1   ? "w2-0.5*w1"
-                                             : order == 2 ? "e2-0.5*e1"
-                                                          : "j2-0.5*j1") +
-                                            "\"}\n";
-        yaml += "torques: [q]\nq: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-" +
-                exactly(2.0 / unit) + "*w1*abs(w1)\"}\n";
-        const auto list = [&](double value) {
-          return "[" + plainly(value) + (order == 0 ? "" : ", " + plainly(0.5 * value)) + "]";
+        std::vector<std::string> elements = {"q on a: -" + exactly(2.0 / unit) + "*w1*abs(w1)"};
+        if (order > 0) elements.push_back("g" + ofOrder(order, "_2-0.5*_1"));
+        const auto pair = [&](double value) {
+          return order == 0 ? list({value}) : list({value, 0.5 * value});
         };
-        yaml += "initial: {angle: " + list(unit) + ", velocity: " + list(start);
-        if (order == 3) yaml += ", acceleration: " + list(-2.0 / unit / inertia * start * start);
-        yaml += std::string("}\nprinciple: ") + toString(principle) + "\n";
-        Scene scene = sceneFromText(yaml);
+        std::string initial = "initial: {angle: " + pair(unit) + ", velocity: " + pair(start);
+        if (order == 3) initial += ", acceleration: " + pair(-2.0 / unit / inertia * start * start);
+        Scene scene = sceneFromText(order == 0 ? "a 1.5" : "a 1, b 2", elements,
+                                    initial + "}\nprinciple: " + toString(principle));
         scene.solver.maximum_steps = 20000;
         for (const Method& method : methodsOf(scene, tolerances())) {
           Scene asked = method.scene;

@@ -1,7 +1,6 @@
 /// Constraints whose rows C are tiny, huge, zero in one component, short of rank, or on their way
 /// to one of these. The promise: the motion is right, or it stops by name.
 
-#include "stress/hazard.h"
 #include "stress/methods.h"
 
 namespace variator_sim::test {
@@ -30,13 +29,10 @@ const Formula kFormulas[] = {
 
 std::string twoShafts(const std::string& principle, const Formula& formula,
                       const std::string& expression) {
-  return "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [q, p]\n"
-         "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"2*cos(1.3*t)-0.4*w1\"}\n"
-         "p: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"-0.3*w2\"}\n"
-         "constraints: [k]\nk: {type: variator_sim/ExpressionConstraint, order: " +
-         std::to_string(formula.order) + ", expression: \"" + expression +
-         "\"}\nprinciple: " + principle + "\ninitial: {velocity: [" + plainly(formula.w1) +
-         ", 0.6]}\n";
+  return sceneText(
+      "a 1.5, b 0.8",
+      {"q on a: 2*cos(1.3*t)-0.4*w1", "p on b: -0.3*w2", "k" + ofOrder(formula.order, expression)},
+      "principle: " + principle + "\ninitial: {velocity: " + list({formula.w1, 0.6}) + "}");
 }
 
 /// psi, c psi and g(t, state) psi with g > 0 are the same constraint.
@@ -75,26 +71,24 @@ TEST(Singularity, ScaleOfPsi) {
   }
 }
 
+/// w3 = 0.25 w2 + 0.2 sin t by its derivatives.
+const char* const kSecondRow[] = {"w3-0.25*w2-0.2*sin(t)", "e3-0.25*e2-0.2*cos(t)",
+                                  "j3-0.25*j2+0.2*sin(t)"};
+const char* const kStartOfThree = "\ninitial: {velocity: [0.5, 1, 0.25], project: true}\n";
+
 /// Two constraints whose scales lie 24 decades apart.
 TEST(Singularity, ScalesOfTwoConstraints) {
   Hazard hazard("singularity", "scales of two constraints", "1e-12 and 1e12, in every order");
   const auto yaml = [](const std::string& principle, int order, const std::string& c,
                        const std::string& d) {
-    const std::string v = order == 1 ? "w" : order == 2 ? "e" : "j";
-    const std::string ratio = "(0.5+0.1*sin(t))";
-    // The derivatives of one motion: w1 = ratio w2, w3 = 0.25 w2 + 0.2 sin t
-    std::string first = v + "1-" + ratio + "*" + v + "2";
-    std::string second = v + "3-0.25*" + v + "2";
+    // The derivatives of one motion: w1 = (0.5 + 0.1 sin t) w2, w3 = 0.25 w2 + 0.2 sin t
+    std::string first = "_1-(0.5+0.1*sin(t))*_2";
     if (order == 2) first += "-0.1*cos(t)*w2";
     if (order == 3) first += "-0.2*cos(t)*e2+0.1*sin(t)*w2";
-    second += order == 1 ? "-0.2*sin(t)" : order == 2 ? "-0.2*cos(t)" : "+0.2*sin(t)";
-    return "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 2}\nc: {inertia: 0.5}\ntorques: [q]\n"
-           "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"3*cos(2*t)-0.2*w1\"}\n"
-           "constraints: [k, l]\nk: {type: variator_sim/ExpressionConstraint, order: " +
-           std::to_string(order) + ", expression: \"" + c + "*(" + first +
-           ")\"}\nl: {type: variator_sim/ExpressionConstraint, order: " + std::to_string(order) +
-           ", expression: \"" + d + "*(" + second + ")\"}\nprinciple: " + principle +
-           "\ninitial: {velocity: [0.5, 1, 0.25], project: true}\n";
+    return sceneText("a 1, b 2, c 0.5",
+                     {"q on a: 3*cos(2*t)-0.2*w1", "k" + ofOrder(order, c + "*(" + first + ")"),
+                      "l" + ofOrder(order, d + "*(" + kSecondRow[order - 1] + ")")},
+                     "principle: " + principle + kStartOfThree);
   };
   const std::vector<double> times = evenly(3.0, 12);
   const std::vector<std::string> scales = {"1e-12", "1e-5", "1", "1e7", "1e12"};
@@ -108,14 +102,10 @@ TEST(Singularity, ScalesOfTwoConstraints) {
         for (const std::string& d : scales) {
           if (!isLongForm() && c != "1e-12" && d != "1e-12") continue;
           const Scene plain = sceneFromText(yaml(principle, order, c, d));
-          for (StepperKind stepper : steppersOf(plain)) {
-            const Scene scene = withSolver(plain, stepper, 1e-7);
-            const test::Run run = play(scene, times);
-            hazard.compare(run, reference, scene,
-                           std::string(principle) + " order " + std::to_string(order) + " " + c +
-                               ", " + d + " " + toString(stepper));
-            EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
-          }
+          compareMethods(
+              hazard, plain, reference,
+              std::string(principle) + " order " + std::to_string(order) + " " + c + ", " + d,
+              {{1e-7}});
         }
       }
     }
@@ -138,28 +128,19 @@ TEST(Singularity, OneComponentIsZeroThroughout) {
                                                     : "j" + n + "+6*sin(3*t)";
         const double J = free == 0 ? 1.5 : 0.8;
         // The free shaft: J e = 4 - 2 w, from rest; its reaction is 0 and stays it.
-        const std::string yaml =
-            "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [q]\n"
-            "q: {type: variator_sim/ExpressionTorque, shaft: " +
-            std::string(free == 0 ? "a" : "b") + ", torque: \"4-2*w" + std::to_string(free + 1) +
-            "\"}\nconstraints: [k]\nk: {type: variator_sim/ExpressionConstraint, order: " +
-            std::to_string(order) + ", expression: \"" + expression +
-            "\"}\nprinciple: " + principle + "\ninitial: {acceleration: [" +
-            plainly(imposed == 0 ? 2.0 : 4.0 / J) + ", " + plainly(imposed == 1 ? 2.0 : 4.0 / J) +
-            "]}\n";
+        const Scene plain = sceneFromText(
+            "a 1.5, b 0.8",
+            {free == 0 ? "q on a: 4-2*w1" : "q on b: 4-2*w2", "k" + ofOrder(order, expression)},
+            std::string("principle: ") + principle + "\ninitial: {acceleration: " +
+                list({imposed == 0 ? 2.0 : 4.0 / J, imposed == 1 ? 2.0 : 4.0 / J}) + "}");
         const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
           sample.velocity[imposed] = std::sin(3.0 * t) * 2.0 / 3.0;
           sample.acceleration[imposed] = 2.0 * std::cos(3.0 * t);
           sample.velocity[free] = 2.0 * (1.0 - std::exp(-2.0 * t / J));
           sample.acceleration[free] = 4.0 / J * std::exp(-2.0 * t / J);
         });
-        const Scene plain = sceneFromText(yaml);
-        for (const Method& method : methodsOf(plain, tolerances())) {
-          const test::Run run = play(method.scene, times);
-          hazard.compare(run, exact, method.scene,
-                         std::string(principle) + " " + expression + " " + method.name);
-          EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
-        }
+        compareMethods(hazard, plain, exact, std::string(principle) + " " + expression,
+                       {tolerances()});
       }
     }
   }
@@ -201,12 +182,8 @@ TEST(Singularity, ComponentsPassThroughZero) {
         }
         reached = t;
       });
-      for (const Method& method : methodsOf(plain, tolerances())) {
-        const test::Run run = play(method.scene, times);
-        hazard.compare(run, exact, method.scene,
-                       std::string(principle) + " nu = " + text(nu) + " " + method.name);
-        EXPECT_EQ(run.reason, StopReason::kNone) << run.message;
-      }
+      compareMethods(hazard, plain, exact, std::string(principle) + " nu = " + text(nu),
+                     {tolerances()});
     }
   }
 }
@@ -310,36 +287,44 @@ TEST(Singularity, ConstraintVanishes) {
 }
 
 /// Slip s = w2 - u w1 with tau s' + s = 0 and tau = (T - t)/q: s = s0 (1 - t/T)^q, and C = tau (-u,
-/// 1) passes through zero at T. The motion beyond is not determined; it stops, or goes on smoothly.
+/// 1) passes through zero at T.
+struct VanishingSlip {
+  static constexpr double T = 0.737;
+  int q;
+
+  static constexpr double u = 0.5;
+  Scene scene(const std::string& principle) const {
+    return sceneFromText("a 1.5, b 0.8",
+                         {"k: (0.737-t)/" + std::to_string(q) + "*(e2-0.5*e1)+w2-0.5*w1"},
+                         "principle: " + principle + "\ninitial: {velocity: [0, 1]}");
+  }
+  void operator()(double t, Sample& sample) const {
+    // w = w(0) + J^-1 (-u, 1) lambda, s = 1 + A lambda, since nothing but the reactions acts
+    const double A = u * u / 1.5 + 1.0 / 0.8;
+    const double lambda = (std::pow(1.0 - t / T, q) - 1.0) / A;
+    const double rate = -q / T * std::pow(1.0 - t / T, q - 1) / A;
+    sample.velocity[0] = -u / 1.5 * lambda;
+    sample.velocity[1] = 1.0 + lambda / 0.8;
+    sample.acceleration[0] = -u / 1.5 * rate;
+    sample.acceleration[1] = rate / 0.8;
+  }
+};
+
+/// The motion beyond is not determined; it stops, or goes on smoothly.
 TEST(Singularity, TimeConstantGoesThroughZero) {
   Hazard hazard("singularity", "tau of a slip goes through zero", "q = 1, 2, 3");
-  const double T = 0.737;
-  const double u = 0.5;
   // None at T itself: that is a test of its own.
-  const std::vector<double> times = evenly(1.5 * T, 13);
+  const std::vector<double> times = evenly(1.5 * VanishingSlip::T, 13);
   for (const char* principle : kPrinciples) {
     for (int q = 1; q <= 3; ++q) {
-      const Scene plain = sceneFromText(
-          "a 1.5, b 0.8", {"k: (0.737-t)/" + std::to_string(q) + "*(e2-0.5*e1)+w2-0.5*w1"},
-          std::string("principle: ") + principle + "\ninitial: {velocity: [0, 1]}");
-      // Without torques the reactions are along (-u, 1): 1.5 w1 + 2 * 0.8 * 0.5 w2... is constant.
-      const double A = u * u / 1.5 + 1.0 / 0.8;
-      const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
-        const double x = 1.0 - t / T;
-        const double slip = std::pow(x, q);
-        const double rate = -q / T * std::pow(x, q - 1);
-        // w = w(0) + J^-1 (-u, 1) lambda, s = 1 + A lambda
-        const double lambda = (slip - 1.0) / A;
-        sample.velocity[0] = -u / 1.5 * lambda;
-        sample.velocity[1] = 1.0 + lambda / 0.8;
-        sample.acceleration[0] = -u / 1.5 * rate / A;
-        sample.acceleration[1] = rate / A / 0.8;
-      });
+      const Scene plain = VanishingSlip{q}.scene(principle);
+      const test::Run exact = tabulate(times, VanishingSlip{q});
       for (const Method& method : methodsOf(plain, tolerances())) {
         const test::Run run = play(method.scene, times);
         hazard.compare(run, exact, method.scene,
                        std::string(principle) + " q = " + std::to_string(q) + " " + method.name);
-        EXPECT_TRUE(run.reason == StopReason::kNone || run.end > 0.9 * T) << run.message;
+        EXPECT_TRUE(run.reason == StopReason::kNone || run.end > 0.9 * VanishingSlip::T)
+            << run.message;
       }
     }
   }
@@ -348,23 +333,11 @@ TEST(Singularity, TimeConstantGoesThroughZero) {
 /// The same, sampled exactly at T among others: samples may not change the motion, nor may it hang.
 TEST(Singularity, SampledExactlyAtTheSingularInstant) {
   Hazard hazard("singularity", "sampled exactly at a singular instant", "q = 1 to 3");
-  const double T = 0.737;
-  const double u = 0.5;
-  const std::vector<double> times = {0.2, 0.5, 0.7, T, 0.8, 1.1};
+  const std::vector<double> times = {0.2, 0.5, 0.7, VanishingSlip::T, 0.8, 1.1};
   for (const char* principle : kPrinciples) {
     for (int q = 1; q <= 3; ++q) {
-      const Scene plain = sceneFromText(
-          "a 1.5, b 0.8", {"k: (0.737-t)/" + std::to_string(q) + "*(e2-0.5*e1)+w2-0.5*w1"},
-          std::string("principle: ") + principle + "\ninitial: {velocity: [0, 1]}");
-      const double A = u * u / 1.5 + 1.0 / 0.8;
-      const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
-        const double lambda = (std::pow(1.0 - t / T, q) - 1.0) / A;
-        const double rate = -q / T * std::pow(1.0 - t / T, q - 1) / A;
-        sample.velocity[0] = -u / 1.5 * lambda;
-        sample.velocity[1] = 1.0 + lambda / 0.8;
-        sample.acceleration[0] = -u / 1.5 * rate;
-        sample.acceleration[1] = rate / 0.8;
-      });
+      const Scene plain = VanishingSlip{q}.scene(principle);
+      const test::Run exact = tabulate(times, VanishingSlip{q});
       for (const Method& method : methodsOf(plain, tolerances())) {
         const std::string label =
             std::string(principle) + " q = " + std::to_string(q) + " " + method.name;
@@ -428,12 +401,9 @@ TEST(Singularity, EnergyRunsOut) {
 
 std::string threeShafts(const std::string& principle, int order, const std::string& k,
                         const std::string& l) {
-  return "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 2}\nc: {inertia: 0.5}\ntorques: [q]\n"
-         "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"3*cos(2*t)\"}\n"
-         "constraints: [k, l]\nk: {type: variator_sim/ExpressionConstraint, order: " +
-         std::to_string(order) + ", expression: \"" + k +
-         "\"}\nl: {type: variator_sim/ExpressionConstraint, order: " + std::to_string(order) +
-         ", expression: \"" + l + "\"}\nprinciple: " + principle + "\n";
+  return sceneText("a 1, b 2, c 0.5",
+                   {"q on a: 3*cos(2*t)", "k" + ofOrder(order, k), "l" + ofOrder(order, l)},
+                   "principle: " + principle);
 }
 
 /// Dependent from the start, whether they contradict each other or not.
@@ -441,13 +411,13 @@ TEST(Singularity, RankIsBelowTheNumberOfConstraints) {
   Hazard hazard("singularity", "rank below k from the start", "orders 1 to 3, factors 1e-9 to 1e9");
   for (const char* principle : kPrinciples) {
     for (int order = 1; order <= 3; ++order) {
-      const std::string v = order == 1 ? "w" : order == 2 ? "e" : "j";
       for (int exponent = -9; exponent <= 9; exponent += sizeOf(3, 1)) {
         for (const char* more : {"", "-0.3", "-sin(t)"}) {
-          const std::string row = v + "1-0.3*" + v + "2+0.7*" + v + "3";
+          const std::string row = "_1-0.3*_2+0.7*_3";
           const std::string second = "1e" + std::to_string(exponent) + "*(" + row + more + ")";
           test::Run run;
-          const std::string label = std::string(principle) + " " + row + " and " + second;
+          const std::string label =
+              std::string(principle) + " order " + std::to_string(order) + " and " + second;
           try {
             run = play(sceneFromText(threeShafts(principle, order, row, second)), evenly(1.0, 4));
           } catch (const SceneError& error) {
@@ -475,16 +445,10 @@ TEST(Singularity, RowsBecomeDependent) {
                                            : std::vector<double>{0.71, 1.26};
   for (const char* principle : kPrinciples) {
     for (int order = 1; order <= 3; ++order) {
-      // w1 = 0.5 w2, w3 = 0.25 w2 + 0.2 sin t
-      const std::string v = order == 1 ? "w" : order == 2 ? "e" : "j";
-      const std::string k = v + "1-0.5*" + v + "2";
-      const std::string other = v + "3-0.25*" + v + "2" +
-                                (order == 1   ? "-0.2*sin(t)"
-                                 : order == 2 ? "-0.2*cos(t)"
-                                              : "+0.2*sin(t)");
-      const std::string start = "initial: {velocity: [0.5, 1, 0.25], project: true}\n";
+      const std::string k = "_1-0.5*_2";
+      const std::string other = kSecondRow[order - 1];
       const test::Run reference =
-          play(withSolver(sceneFromText(threeShafts(principle, order, k, other) + start),
+          play(withSolver(sceneFromText(threeShafts(principle, order, k, other) + kStartOfThree),
                           StepperKind::kFehlberg78, 1e-13),
                times);
       ASSERT_EQ(reference.samples.size(), times.size()) << reference.message;
@@ -492,7 +456,7 @@ TEST(Singularity, RowsBecomeDependent) {
         for (int degree = 1; degree <= 3; ++degree) {
           const std::string q = "(t-" + exactly(T) + ")^" + std::to_string(degree);
           const Scene plain = sceneFromText(
-              threeShafts(principle, order, k, k + "+" + q + "*(" + other + ")") + start);
+              threeShafts(principle, order, k, k + "+" + q + "*(" + other + ")") + kStartOfThree);
           for (const Method& method : methodsOf(plain, tolerances())) {
             const test::Run run = play(method.scene, times);
             const std::string label = std::string(principle) + " order " + std::to_string(order) +

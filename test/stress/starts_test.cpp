@@ -1,15 +1,6 @@
 // Starts: off the constraints, at and near points where C loses rank, and at rest, where ratios of
 // speeds are undefined. Either the motion from the nearest consistent start follows, or the start
 // is refused or stopped by name.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <string>
-#include <vector>
-
-#include "stress/hazard.h"
 #include "stress/known_motion.h"
 
 namespace variator_sim::test {
@@ -20,12 +11,6 @@ constexpr double kEnd = 2.0;
 std::vector<double> tolerances() {
   return isLongForm() ? std::vector<double>{1e-4, 1e-6, 1e-8, 1e-10}
                       : std::vector<double>{1e-5, 1e-9};
-}
-
-std::string list(const std::vector<double>& values) {
-  std::string line = "[";
-  for (std::size_t i = 0; i < values.size(); ++i) line += (i ? ", " : "") + plainly(values[i]);
-  return line + "]";
 }
 
 // --- off the constraints ----------------------------------------------------------------------
@@ -111,11 +96,9 @@ struct AccelerationCircle {
     return sample;
   }
   static std::string yaml(const std::string& start) {
-    return "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 1.5}\ntorques: [m]\n"
-           "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"3*t\"}\n"
-           "constraints: [c]\n"
-           "c: {type: variator_sim/AccelerationMagnitude, shafts: [a, b], magnitude: 2}\n" +
-           start;
+    return sceneText("a 1.5, b 1.5",
+                     {"m on a: 3*t", "c = AccelerationMagnitude, shafts: [a, b], magnitude: 2"},
+                     start);
   }
 };
 
@@ -132,11 +115,9 @@ TEST(Starts, OffACircleOfAccelerations) {
           ", project: true}\n"));
       const auto exact = tabulate(
           times, [&](double t, Sample& sample) { sample = AccelerationCircle::at(direction, t); });
-      for (const Method& method : methodsOf(scene, tolerances())) {
-        hazard.compare(
-            play(method.scene, times), exact, method.scene,
-            "direction " + text(direction) + ", radius " + text(radius) + ", " + method.name);
-      }
+      compareMethods(hazard, scene, exact,
+                     "direction " + text(direction) + ", radius " + text(radius),
+                     {tolerances(), Stops::kAny});
     }
   }
   for (bool project : {false, true}) {
@@ -180,27 +161,17 @@ TEST(Starts, ExactlyAtSingularPoints) {
       {"rows that contradict, order 1", "w1-0.5*w2;w1-0.5*w2-1", 1, ""},
   };
   for (const Place& place : places) {
-    std::string names;
-    std::string lines;
-    std::string formulas = place.constraints;
-    int count = 0;
-    while (!formulas.empty()) {
-      const std::size_t end = std::min(formulas.find(';'), formulas.size());
-      const std::string name = "k" + std::to_string(++count);
-      names += (names.empty() ? "" : ", ") + name;
-      lines += name +
-               ": {type: variator_sim/ExpressionConstraint, order: " + std::to_string(place.order) +
-               ", expression: \"" + formulas.substr(0, end) + "\"}\n";
-      formulas.erase(0, end + 1);
+    std::vector<std::string> elements = {"q on a: 3"};
+    std::istringstream formulas(place.constraints);
+    for (std::string formula; std::getline(formulas, formula, ';');) {
+      elements.push_back("k" + std::to_string(elements.size()) + ofOrder(place.order, formula));
     }
     for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
       for (bool project : {false, true}) {
         const Scene scene = sceneFromText(
-            "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 2}\nc: {inertia: 0.5}\n"
-            "torques: [q]\nq: {type: variator_sim/ExpressionTorque, shaft: a, torque: 3}\n"
-            "constraints: [" +
-            names + "]\n" + lines + "principle: " + toString(principle) +
-            "\ninitial: {project: " + (project ? "true" : "false") + place.initial + "}\n");
+            "a 1, b 2, c 0.5", elements,
+            std::string("principle: ") + toString(principle) +
+                "\ninitial: {project: " + (project ? "true" : "false") + place.initial + "}");
         for (StepperKind stepper : steppersOf(scene)) {
           const test::Run run = play(withSolver(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
           const std::string label = std::string(place.name) + ", " + toString(principle) +
@@ -224,13 +195,10 @@ TEST(Starts, OnAPowerOfAConstraint) {
       for (const char* start : {"[1, 2]", "[1, 2.5]", "[0, 0]"}) {
         for (bool project : {false, true}) {
           const double e1 = 3.0 / 9.0;
-          const Scene scene = sceneFromText(
-              std::string("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [q]\n"
-                          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: 3}\n"
-                          "constraints: [k]\n"
-                          "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"") +
-              psi + "\"}\nprinciple: " + toString(principle) + "\ninitial: {acceleration: " +
-              start + ", project: " + (project ? "true" : "false") + "}\n");
+          const Scene scene = sceneFromText("a 1, b 2", {"q on a: 3", std::string("k: ") + psi},
+                                            std::string("principle: ") + toString(principle) +
+                                                "\ninitial: {acceleration: " + start +
+                                                ", project: " + (project ? "true" : "false") + "}");
           const auto exact = tabulate(times, [&](double t, Sample& sample) {
             for (int i = 0; i < 2; ++i) {
               sample.angle[i] = 0.5 * (i + 1) * e1 * t * t;
@@ -257,12 +225,9 @@ TEST(Starts, AtRestWithManyLeastReactions) {
   Hazard hazard("starts", "least reaction not unique", "circles of accelerations");
   for (const char* inertia : {"1.5", "1", "3"}) {
     for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
-      const Scene scene = sceneFromText(
-          std::string("shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: ") + inertia +
-          "}\ntorques: []\nconstraints: [c]\n"
-          "c: {type: variator_sim/AccelerationMagnitude, shafts: [a, b], magnitude: 2}\n"
-          "principle: " +
-          toString(principle) + "\n");
+      const Scene scene = sceneFromText(std::string("a 1.5, b ") + inertia,
+                                        {"c = AccelerationMagnitude, shafts: [a, b], magnitude: 2"},
+                                        std::string("principle: ") + toString(principle));
       for (StepperKind stepper : steppersOf(scene)) {
         const test::Run run = play(withSolver(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
         hazard.stopped(run.reason, std::string("inertias 1.5 and ") + inertia + ", " +
@@ -286,16 +251,10 @@ TEST(Starts, NearSingularPoints) {
           // w2 = 2 w1 = 2 + 2 * 3 t / (1 + 4 * 2), all of the torque on the first shaft
           const double e1 = 3.0 / 9.0;
           const Scene scene = sceneFromText(
-              "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [q]\n"
-              "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: 3}\nconstraints: [k]\n"
-              "k: {type: variator_sim/ExpressionConstraint, order: " +
-              std::to_string(order) + ", expression: \"phi1*(" +
-              (order == 1   ? "w1-0.5*w2"
-               : order == 2 ? "e1-0.5*e2"
-                            : "j1-0.5*j2") +
-              ")\"}\nprinciple: " + toString(principle) +
-              "\ninitial: {angle: " + list({start, 0.0}) + ", velocity: [1, 2]" +
-              (order == 3 ? ", acceleration: " + list({e1, 2.0 * e1}) : "") + "}\n");
+              "a 1, b 2", {"q on a: 3", "k" + ofOrder(order, "phi1*(_1-0.5*_2)")},
+              std::string("principle: ") + toString(principle) +
+                  "\ninitial: {angle: " + list({start, 0.0}) + ", velocity: [1, 2]" +
+                  (order == 3 ? ", acceleration: " + list({e1, 2.0 * e1}) : "") + "}");
           const auto exact = tabulate(times, [&](double t, Sample& sample) {
             sample.angle[0] = start + t + 0.5 * e1 * t * t;
             sample.velocity[0] = 1.0 + e1 * t;
@@ -304,12 +263,10 @@ TEST(Starts, NearSingularPoints) {
             sample.velocity[1] = 2.0 * sample.velocity[0];
             sample.acceleration[1] = 2.0 * e1;
           });
-          for (const Method& method : methodsOf(scene, tolerances())) {
-            hazard.compare(play(method.scene, times), exact, method.scene,
-                           "order " + std::to_string(order) + ", " + toString(principle) +
-                               ", phi1 from " + text(start) + ", " + method.name,
-                           kAllowed, Columns::kAll);
-          }
+          compareMethods(hazard, scene, exact,
+                         "order " + std::to_string(order) + ", " + toString(principle) +
+                             ", phi1 from " + text(start),
+                         {tolerances(), Stops::kAny, Columns::kAll});
         }
       }
     }
@@ -324,23 +281,15 @@ TEST(Starts, NearlyDependentRows) {
   const double inertia = 1.0 + 4.0 * 2.0 + 0.25 * 0.5;
   for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
     for (int order : {1, 2, 3}) {
-      const std::string letter = order == 1 ? "w" : order == 2 ? "e" : "j";
       for (int exponent = sizeOf(3, 1); exponent <= 60; exponent += sizeOf(4, 1)) {
         const double part = std::ldexp(1.0, -exponent);
-        const std::string first = letter + "1-0.5*" + letter + "2";
-        const std::string second =
-            first + "+" + exactly(part) + "*(" + letter + "3-0.25*" + letter + "2)";
         const double e1 = 3.0 / inertia;
         const Scene scene = sceneFromText(
-            "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 2}\nc: {inertia: 0.5}\n"
-            "torques: [q]\nq: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
-            "\"3*cos(t)\"}\nconstraints: [k, l]\n"
-            "k: {type: variator_sim/ExpressionConstraint, order: " +
-            std::to_string(order) + ", expression: \"" + first +
-            "\"}\nl: {type: variator_sim/ExpressionConstraint, order: " + std::to_string(order) +
-            ", expression: \"" + second + "\"}\nprinciple: " + toString(principle) +
-            "\ninitial: {velocity: [0, 0, 0]" +
-            (order == 3 ? ", acceleration: " + list({e1, 2.0 * e1, 0.5 * e1}) : "") + "}\n");
+            "a 1, b 2, c 0.5",
+            {"q on a: 3*cos(t)", "k" + ofOrder(order, "_1-0.5*_2"),
+             "l" + ofOrder(order, "_1-0.5*_2+" + exactly(part) + "*(_3-0.25*_2)")},
+            std::string("principle: ") + toString(principle) + "\ninitial: {velocity: [0, 0, 0]" +
+                (order == 3 ? ", acceleration: " + list({e1, 2.0 * e1, 0.5 * e1}) : "") + "}");
         const double gear[3] = {1.0, 2.0, 0.5};
         const auto exact = tabulate(times, [&](double t, Sample& sample) {
           for (int i = 0; i < 3; ++i) {
@@ -349,70 +298,68 @@ TEST(Starts, NearlyDependentRows) {
             sample.acceleration[i] = gear[i] * e1 * std::cos(t);
           }
         });
-        for (const Method& method : methodsOf(scene, tolerances())) {
-          hazard.compare(play(method.scene, times), exact, method.scene,
-                         "order " + std::to_string(order) + ", " + toString(principle) + ", 2^-" +
-                             std::to_string(exponent) + ", " + method.name,
-                         kAllowed, Columns::kAll);
-        }
+        compareMethods(hazard, scene, exact,
+                       "order " + std::to_string(order) + ", " + toString(principle) + ", 2^-" +
+                           std::to_string(exponent),
+                       {tolerances(), Stops::kAny, Columns::kAll});
       }
     }
   }
 }
 
 // --- at rest ----------------------------------------------------------------------------------
-/// Two shafts at rest, J = 0.8 and 2; `torques` and `constraint` are lines of YAML.
-std::string restScene(const std::string& names, const std::string& torques,
-                      const std::string& constraint, Principle principle) {
-  return "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2.0}\ntorques: [" + names + "]\n" +
-         torques + "constraints: [v]\nv: " + constraint + "\nprinciple: " + toString(principle) +
-         "\n";
+/// Two shafts at rest, J = 0.8 and 2.
+Scene restScene(const std::vector<std::string>& elements, Principle principle,
+                const std::string& initial = "") {
+  return sceneFromText(
+      "a 0.8, b 2.0", elements,
+      std::string("principle: ") + toString(principle) + "\ninitial: {" + initial + "}");
 }
 
-std::string formula(int order, const std::string& expression) {
-  return "{type: variator_sim/ExpressionConstraint, order: " + std::to_string(order) +
-         ", expression: \"" + expression + "\"}";
+/// A gear of ratio 1/2 under a constant torque, `since` seconds after it has set off from rest.
+void writeSetOff(double e1, double since, Sample& sample) {
+  for (int i = 0; i < 2; ++i) {
+    const double e = i == 0 ? e1 : 0.5 * e1;
+    sample.angle[i] = 0.5 * e * since * since;
+    sample.velocity[i] = e * since;
+    sample.acceleration[i] = e;
+  }
 }
+
+/// Variators of order 1 to 3.
+const char* const kRest[] = {"v of order 1: w2-0.5*w1", "v: 0.2*(e2-0.5*e1)+w2-0.5*w1",
+                             "v of order 3: 0.04*(j2-0.5*j1)+0.4*(e2-0.5*e1)+w2-0.5*w1"};
 
 // Slip is zero at rest, so every variator is the gear w2 = w1 / 2 there.
 TEST(Starts, AtRestUnderAMotor) {
   Hazard hazard("starts", "at rest: a motor sets in", "every order, torque 1e-9 .. 1e9 N m");
   const std::vector<double> times = evenly(kEnd, 6);
   const std::string constraints[] = {
-      formula(1, "w2-0.5*w1"),
-      formula(2, "0.2*(e2-0.5*e1)+w2-0.5*w1"),
-      formula(3, "0.04*(j2-0.5*j1)+0.4*(e2-0.5*e1)+w2-0.5*w1"),
-      formula(2, "0.2*(e2-0.5*e1)*(1+0.01*(w1^2+w2^2))+w2-0.5*w1"),
-      "{type: variator_sim/SlipRatio, shafts: [a, b], time_constant: 0.1, ratio: 0.5}",
-      "{type: variator_sim/KinematicRatio, shafts: [a, b], ratio: 0.5}",
+      kRest[0],
+      kRest[1],
+      kRest[2],
+      "v: 0.2*(e2-0.5*e1)*(1+0.01*(w1^2+w2^2))+w2-0.5*w1",
+      "v = SlipRatio, shafts: [a, b], time_constant: 0.1, ratio: 0.5",
+      "v = KinematicRatio, shafts: [a, b], ratio: 0.5",
   };
   for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
     for (const std::string& constraint : constraints) {
       for (int decade = -9; decade <= 9; decade += sizeOf(6, 3)) {
         const double torque = std::pow(10.0, decade);
         const double e1 = torque / (0.8 + 0.25 * 2.0);
-        const bool is_third = constraint.find("order: 3") != std::string::npos;
-        Scene scene = sceneFromText(restScene(
-            "m",
-            "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: " + plainly(torque) +
-                "}\n" + (is_third ? "initial: {acceleration: " + list({e1, 0.5 * e1}) + "}\n" : ""),
-            constraint, principle));
+        const bool is_third = constraint == kRest[2];
+        Scene scene = restScene({"m on a: " + plainly(torque), constraint}, principle,
+                                is_third ? "acceleration: " + list({e1, 0.5 * e1}) : "");
         scene.solver.maximum_steps = 2000;
-        const auto exact = tabulate(times, [&](double t, Sample& sample) {
-          sample.angle[0] = 0.5 * e1 * t * t;
-          sample.velocity[0] = e1 * t;
-          sample.acceleration[0] = e1;
-          sample.angle[1] = 0.5 * sample.angle[0];
-          sample.velocity[1] = 0.5 * sample.velocity[0];
-          sample.acceleration[1] = 0.5 * e1;
-        });
+        const auto exact =
+            tabulate(times, [&](double t, Sample& sample) { writeSetOff(e1, t, sample); });
         for (const Method& method : methodsOf(scene, tolerances())) {
           for (bool relative_only : {false, true}) {
             Scene asked = method.scene;
             if (relative_only) asked.solver.absolute_tolerance = 0.0;
             hazard.compare(play(asked, times), exact, asked,
-                           std::string(toString(principle)) + ", " + constraint.substr(0, 80) +
-                               ", torque " + text(torque) + ", " + method.name +
+                           std::string(toString(principle)) + ", " + constraint + ", torque " +
+                               text(torque) + ", " + method.name +
                                (relative_only ? " relative" : ""),
                            kAllowed, Columns::kAll);
           }
@@ -430,36 +377,23 @@ TEST(Starts, AtRestUntilACommand) {
       for (bool sleep : {true, false}) {
         for (int decade = -6; decade <= (sleep ? 6 : 2); decade += sizeOf(3, 1)) {
           const double begin = std::pow(10.0, decade);
-          Scene scene = sceneFromText(
-              restScene("m", "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u}\n",
-                        formula(order, order == 1   ? "w2-0.5*w1"
-                                       : order == 2 ? "0.2*(e2-0.5*e1)+w2-0.5*w1"
-                                                    : "0.04*(j2-0.5*j1)+0.4*(e2-0.5*e1)+w2-0.5*w1"),
-                        principle));
+          Scene scene = restScene({"m on a from u", kRest[order - 1]}, principle);
           scene.solver.sleep = sleep;
           std::vector<double> times = {0.5 * begin, begin};
           for (double later : {0.1, 1.0, 2.0}) times.push_back(begin + later);
           // R jumps by C^T Lambda alone, so accelerations jump to those of the gear at every order.
           const double e1 = 4.0 / (0.8 + 0.25 * 2.0);
           const auto exact = tabulate(times, [&](double t, Sample& sample) {
-            const double since = t - begin;
-            if (since < 0.0) return;
-            sample.angle[0] = 0.5 * e1 * since * since;
-            sample.velocity[0] = e1 * since;
-            sample.acceleration[0] = e1;
-            sample.angle[1] = 0.5 * sample.angle[0];
-            sample.velocity[1] = 0.5 * sample.velocity[0];
-            sample.acceleration[1] = 0.5 * e1;
+            if (t >= begin) writeSetOff(e1, t - begin, sample);
           });
-          for (const Method& method : methodsOf(scene, tolerances())) {
-            // begin + later is rounded in the 16th digit
-            const double rounding =
-                begin * std::numeric_limits<double>::epsilon() / method.tolerance * 4.0;
-            hazard.compare(play(method.scene, times, {{begin, 0, 4.0}}), exact, method.scene,
-                           "order " + std::to_string(order) + ", " + toString(principle) + ", at " +
-                               text(begin) + (sleep ? ", " : ", no sleep, ") + method.name,
-                           kAllowed * (1.0 + rounding), Columns::kAll);
-          }
+          compareMethods(hazard, scene, exact,
+                         "order " + std::to_string(order) + ", " + toString(principle) + ", at " +
+                             text(begin) + (sleep ? "" : ", no sleep"),
+                         {tolerances(), Stops::kAny, Columns::kAll, {{begin, 0, 4.0}}},
+                         [&](double tolerance) {
+                           // begin + later is rounded in the 16th digit
+                           return kAllowed * (1.0 + 4.0 * begin * kEps / tolerance);
+                         });
         }
       }
     }
@@ -471,41 +405,34 @@ TEST(Starts, AtRestWithUndefinedRatios) {
   Hazard hazard("starts", "at rest: laws undefined there", "0/0, 1/0, infinite slopes, C = 0");
   struct Law {
     const char* name;
-    std::string torque;
+    std::string torque;  ///< line m
     std::string constraint;
     /// Continuous at rest, though its derivatives are not: gauss, which needs none, has a motion.
     bool is_continuous = false;
   };
-  const std::string constant = "{type: variator_sim/ExpressionTorque, shaft: a, torque: 3}";
-  const auto torque = [](const std::string& expression) {
-    return "{type: variator_sim/ExpressionTorque, shaft: a, torque: \"" + expression + "\"}";
-  };
-  const std::string slip = formula(2, "0.2*(e2-0.5*e1)+w2-0.5*w1");
+  const std::string constant = "m on a: 3";
   const Law laws[] = {
-      {"ratio of order 1", constant, formula(1, "w2/w1-0.5")},
-      {"ratio of order 2", constant, formula(2, "0.2*(e2-0.5*e1)+w2/w1-0.5")},
-      {"ratio of accelerations", torque("0*t"), formula(2, "e2/e1-0.5")},
-      {"ratio in the time constant", constant, formula(2, "(0.2+w2/w1)*(e2-0.5*e1)+w2-0.5*w1")},
-      {"logarithm of a ratio", constant, formula(2, "e2-0.5*e1+log(w2/w1)")},
-      {"root of the speed", constant, formula(2, "e2-0.5*e1+sqrt(w2)-sqrt(w1)"), true},
-      {"length of the velocities", constant, formula(2, "e2-0.5*e1+0.1*sqrt(w1^2+w2^2)"), true},
-      {"power over speed", torque("100/w1"), slip},
-      {"root of the energy", torque("-sqrt(0.8*w1^2+2*w2^2)"), slip, true},
+      {"ratio of order 1", constant, "v of order 1: w2/w1-0.5"},
+      {"ratio of order 2", constant, "v: 0.2*(e2-0.5*e1)+w2/w1-0.5"},
+      {"ratio of accelerations", "m on a: 0*t", "v: e2/e1-0.5"},
+      {"ratio in the time constant", constant, "v: (0.2+w2/w1)*(e2-0.5*e1)+w2-0.5*w1"},
+      {"logarithm of a ratio", constant, "v: e2-0.5*e1+log(w2/w1)"},
+      {"root of the speed", constant, "v: e2-0.5*e1+sqrt(w2)-sqrt(w1)", true},
+      {"length of the velocities", constant, "v: e2-0.5*e1+0.1*sqrt(w1^2+w2^2)", true},
+      {"power over speed", "m on a: 100/w1", kRest[1]},
+      {"root of the energy", "m on a: -sqrt(0.8*w1^2+2*w2^2)", kRest[1], true},
       {"traction curve", constant,
-       "{type: variator_sim/TractionCurve, shafts: [a, b], ratio: 0.6, inertia: 2, "
-       "nominal_torque: 20, nominal_slip: 0.03}"},
-      {"power flow", constant,
-       "{type: variator_sim/PowerFlow, shafts: [a, b], inertias: [0.8, 2.0], power: 10}"},
+       "v = TractionCurve, shafts: [a, b], ratio: 0.6, inertia: 2, nominal_torque: 20, "
+       "nominal_slip: 0.03"},
+      {"power flow", constant, "v = PowerFlow, shafts: [a, b], inertias: [0.8, 2.0], power: 10"},
       {"power flow, efficiency", constant,
-       "{type: variator_sim/PowerFlow, shafts: [a, b], inertias: [0.8, 2.0], efficiency: 0.9, "
-       "smoothing_power: 1}"},
+       "v = PowerFlow, shafts: [a, b], inertias: [0.8, 2.0], efficiency: 0.9, smoothing_power: 1"},
   };
   for (const Law& law : laws) {
     for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
       for (bool project : {false, true}) {
-        std::string yaml = restScene("m", "m: " + law.torque + "\n", law.constraint, principle);
-        if (project) yaml += "initial: {project: true}\n";
-        const Scene scene = sceneFromText(yaml);
+        const Scene scene =
+            restScene({law.torque, law.constraint}, principle, project ? "project: true" : "");
         for (StepperKind stepper : steppersOf(scene)) {
           const test::Run run = play(withSolver(scene, stepper, 1e-8), {0.0, 0.1, 1.0});
           const std::string label =
@@ -550,14 +477,8 @@ TEST(Starts, AtRestWithADirection) {
     }
   });
   for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
-    const Scene scene = sceneFromText(
-        restScene("m", "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: 3}\n",
-                  formula(2, "e2-0.5*e1+atan2(w2,w1)"), principle));
-    for (const Method& method : methodsOf(scene, tolerances())) {
-      hazard.compare(play(method.scene, times), exact, method.scene,
-                     std::string(toString(principle)) + ", " + method.name, kAllowed,
-                     Columns::kAll);
-    }
+    compareMethods(hazard, restScene({"m on a: 3", "v: e2-0.5*e1+atan2(w2,w1)"}, principle), exact,
+                   toString(principle), {tolerances(), Stops::kAny, Columns::kAll});
   }
 }
 
@@ -566,33 +487,30 @@ TEST(Starts, AtRestWithADirection) {
 TEST(Starts, AtRestWithEveryLaw) {
   Hazard hazard("starts", "at rest: every shipped law", "two methods, 1e-3 of the tolerance");
   const std::string motors[] = {
-      "{type: variator_sim/MotorCurve, shaft: a, characteristic: kloss, breakdown_torque: 30, "
-      "synchronous_speed: 50, critical_slip: 0.2}",
-      "{type: variator_sim/MotorCurve, shaft: a, characteristic: dc, stall_torque: 12, "
-      "no_load_speed: 250}",
-      "{type: variator_sim/MotorCurve, shaft: a, characteristic: table, table: {speed: [0, 20, 40, "
-      "48, 50], torque: [20, 22, 30, 18, 0], beyond: linear}}",
-      "{type: variator_sim/DieselEngine, shaft: a, full_load: {speed: [0, 30, 60, 80, 105, 115], "
-      "torque: [0, 5, 9.5, 11, 10.5, 0]}, rack: {topic: rack, hold: first_order_lag, "
-      "time_constant: 0.4, initial: 0.2}, friction: {constant: 0.3, linear: 0.004}, "
-      "idle_governor: {speed: 40, band: 8}}"};
+      "m = MotorCurve, shaft: a, characteristic: kloss, breakdown_torque: 30, synchronous_speed: "
+      "50, critical_slip: 0.2",
+      "m = MotorCurve, shaft: a, characteristic: dc, stall_torque: 12, no_load_speed: 250",
+      "m = MotorCurve, shaft: a, characteristic: table, table: {speed: [0, 20, 40, 48, 50], "
+      "torque: [20, 22, 30, 18, 0], beyond: linear}",
+      "m = DieselEngine, shaft: a, full_load: {speed: [0, 30, 60, 80, 105, 115], torque: [0, 5, "
+      "9.5, 11, 10.5, 0]}, rack: {topic: rack, hold: first_order_lag, time_constant: 0.4, "
+      "initial: 0.2}, friction: {constant: 0.3, linear: 0.004}, idle_governor: {speed: 40, band: "
+      "8}"};
   const std::string loads[] = {
-      "{type: variator_sim/Propeller, shaft: b, coefficient: 0.02}",
-      "{type: variator_sim/Propeller, shaft: b, torque_coefficient: 0.0035, diameter: 0.3, "
-      "density: "
-      "1025, advance: {speed: 4, slope: 0.03}, regularization_speed: 0.5}",
-      "{type: variator_sim/Friction, shaft: b, coulomb: 1, static: 1.5, stribeck_speed: 0.3, "
-      "viscous: 0.1, regularization_speed: 0.05}",
-      "{type: variator_sim/VehicleResistance, shaft: b, law: davis, wheel_radius: 0.05, ratio: "
-      "4.5, "
-      "constant: 9, linear: 2.5, quadratic: 0.28, mass: 9}",
-      "{type: variator_sim/CuttingTorque, shaft: b, torque: 2, begin: 0.5, ramp: 0.5, end: 12}"};
+      "l = Propeller, shaft: b, coefficient: 0.02",
+      "l = Propeller, shaft: b, torque_coefficient: 0.0035, diameter: 0.3, density: 1025, advance: "
+      "{speed: 4, slope: 0.03}, regularization_speed: 0.5",
+      "l = Friction, shaft: b, coulomb: 1, static: 1.5, stribeck_speed: 0.3, viscous: 0.1, "
+      "regularization_speed: 0.05",
+      "l = VehicleResistance, shaft: b, law: davis, wheel_radius: 0.05, ratio: 4.5, constant: 9, "
+      "linear: 2.5, quadratic: 0.28, mass: 9",
+      "l = CuttingTorque, shaft: b, torque: 2, begin: 0.5, ramp: 0.5, end: 12"};
   const std::string constraints[] = {
-      "{type: variator_sim/SlipRatio, shafts: [a, b], time_constant: 0.2, ratio: 0.6}",
-      "{type: variator_sim/KinematicRatio, shafts: [a, b], ratio: 0.6}",
-      "{type: variator_sim/VBeltRatio, shafts: [a, b], ratio_low: 0.4, ratio_high: 1.3, speed: 30}",
-      "{type: variator_sim/AccelerationMagnitude, shafts: [a, b], magnitude: 6}",
-      "{type: variator_sim/JerkLimit, shaft: b, limit: 4, time_constant: 0.2, acceleration: 3}"};
+      "v = SlipRatio, shafts: [a, b], time_constant: 0.2, ratio: 0.6",
+      "v = KinematicRatio, shafts: [a, b], ratio: 0.6",
+      "v = VBeltRatio, shafts: [a, b], ratio_low: 0.4, ratio_high: 1.3, speed: 30",
+      "v = AccelerationMagnitude, shafts: [a, b], magnitude: 6",
+      "v = JerkLimit, shaft: b, limit: 4, time_constant: 0.2, acceleration: 3"};
   const std::vector<double> times = evenly(3.0, 6);
   const auto play_at = [&](const Scene& scene, StepperKind stepper, double tolerance) {
     return play(withSolver(scene, stepper, tolerance), times);
@@ -601,10 +519,9 @@ TEST(Starts, AtRestWithEveryLaw) {
     for (const std::string& load : loads) {
       for (const std::string& constraint : constraints) {
         for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
-          const std::string name = motor.substr(20, 10) + " " + load.substr(20, 10) + " " +
-                                   constraint.substr(20, 12) + " " + toString(principle);
-          Scene scene = sceneFromText(
-              restScene("m, l", "m: " + motor + "\nl: " + load + "\n", constraint, principle));
+          const std::string name = motor.substr(0, 45) + "; " + load.substr(0, 45) + "; " +
+                                   constraint.substr(0, 20) + "; " + toString(principle);
+          Scene scene = restScene({motor, load, constraint}, principle);
           scene.solver.maximum_steps = 20000;
           for (double tolerance : {1e-6, 1e-8}) {
             if (!isLongForm() && tolerance < 1e-6) continue;

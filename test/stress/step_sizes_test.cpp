@@ -1,13 +1,5 @@
 /// The extremes of step sizes: tolerances from 1e-3 to 1e-13, no absolute tolerance, fixed steps
 /// far too large, and times so late that t + h loses digits.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <string>
-#include <vector>
-
-#include "stress/hazard.h"
 #include "stress/methods.h"
 
 namespace variator_sim::test {
@@ -24,28 +16,16 @@ struct Known {
   double end;
 };
 
-/// Shafts J1 = 1.5, J2 = 0.8 and w2 = r w1: effective inertia and the response to
-/// cos 2t - 0.4 w1 from rest.
-void writeGear(double t, Sample& sample) {
-  const double J = 1.5 + 0.25 * 0.8;
+/// The gear's response to cos 2t - 0.4 w1 from rest.
+void writeDrivenGear(double t, Sample& sample) {
+  const double J = gearInertia(1);
   const double c = 0.4 / J;
   // w' = cos(2t)/J - c w
   const double scale = 1.0 / J / (c * c + 4.0);
   const double w = scale * (c * std::cos(2.0 * t) + 2.0 * std::sin(2.0 * t) - c * std::exp(-c * t));
   sample.velocity[0] = w;
   sample.acceleration[0] = std::cos(2.0 * t) / J - c * w;
-  sample.velocity[1] = 0.5 * w;
-  sample.acceleration[1] = 0.5 * sample.acceleration[0];
-}
-
-std::string gearScene(int order, const std::string& t = "t") {
-  const std::string v = order == 1 ? "w" : order == 2 ? "e" : "j";
-  return "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [q]\n"
-         "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"cos(2*(" +
-         t +
-         "))-0.4*w1\"}\nconstraints: [k]\n"
-         "k: {type: variator_sim/ExpressionConstraint, order: " +
-         std::to_string(order) + ", expression: \"" + v + "2-0.5*" + v + "1\"}\n";
+  writeGear(1, sample);
 }
 
 /// The acceleration circle: J = 1.5, a = 2, torque 1.2 t on shaft 1 (generalized_gauss only).
@@ -61,11 +41,8 @@ void writeCircle(double t, Sample& sample) {
   sample.velocity[1] = a / kappa * (gd(z) - gd(z0));
 }
 
-const char* const kCircle =
-    "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 1.5}\ntorques: [q]\n"
-    "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"1.2*t\"}\nconstraints: [k]\n"
-    "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: \"e1^2+e2^2-4\"}\n"
-    "initial: {acceleration: [-1, 1.7320508075688772]}\n";
+const std::string kCircle = sceneText("a 1.5, b 1.5", {"q on a: 1.2*t", "k: e1^2+e2^2-4"},
+                                      "initial: {acceleration: [-1, 1.7320508075688772]}");
 
 /// Slip that relaxes with tau = 0.05 and no torques: w2 - 0.6 w1 = exp(-t/tau).
 void writeSlip(double t, Sample& sample) {
@@ -79,18 +56,19 @@ void writeSlip(double t, Sample& sample) {
   sample.acceleration[1] = -slip / tau / A / 0.8;
 }
 
-const char* const kSlip =
-    "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: []\nconstraints: [k]\n"
-    "k: {type: variator_sim/ExpressionConstraint, order: 2, expression: "
-    "\"0.05*(e2-0.6*e1)+w2-0.6*w1\"}\ninitial: {velocity: [1, 1.6]}\n";
+const std::string kSlip =
+    sceneText("a 1.5, b 0.8", {"k: 0.05*(e2-0.6*e1)+w2-0.6*w1"}, "initial: {velocity: [1, 1.6]}");
 
 std::vector<Known> knownMotions() {
   // from rest, with the acceleration of the gear: an order 3 does not bind it by itself
-  const std::string start = "initial: {acceleration: [" + plainly(1.0 / 1.7) + ", " +
-                            plainly(0.5 / 1.7) + "], project: true}\n";
-  return {{"gear of order 1", gearScene(1) + start, writeGear, true, 4.0},
-          {"gear of order 2", gearScene(2) + start, writeGear, true, 4.0},
-          {"gear of order 3", gearScene(3) + start, writeGear, true, 4.0},
+  const auto gear = [](int order) {
+    return Known{"gear of order " + std::to_string(order),
+                 gearText(order, {"q on a: cos(2*t)-0.4*w1"}, 0.0, 1.0 / 1.7), writeDrivenGear,
+                 true, 4.0};
+  };
+  return {gear(1),
+          gear(2),
+          gear(3),
           {"acceleration circle", kCircle, writeCircle, false, 4.0},
           {"slip", kSlip, writeSlip, true, 2.0}};
 }
@@ -100,13 +78,9 @@ double roundingOf(const test::Run& run, double tolerance) {
   return 2.2e-16 * (100.0 + static_cast<double>(run.statistics.steps)) / tolerance;
 }
 
-TEST(StepSizes, Tolerances) {
-  Hazard hazard("step sizes", "tolerances", "1e-1 to 1e-14");
-  std::vector<double> tolerances = {1e-1, 1e-3, 1e-6, 1e-9, 1e-11, 1e-13, 1e-14};
-  if (isLongForm()) {
-    tolerances.clear();
-    for (int n = 2; n <= 28; ++n) tolerances.push_back(std::pow(10.0, -0.5 * n));
-  }
+/// The known motions by every method; `change` may change the solver.
+void compareKnown(Hazard& hazard, const std::vector<double>& tolerances,
+                  void (*change)(SolverSettings&)) {
   for (const Known& known : knownMotions()) {
     for (const char* principle : kPrinciples) {
       if (!known.both_principles && principle != kPrinciples[0]) continue;
@@ -114,13 +88,25 @@ TEST(StepSizes, Tolerances) {
       const std::vector<double> times = evenly(known.end, 9);
       const test::Run exact = tabulate(times, known.write);
       for (const Method& method : methodsOf(plain, tolerances)) {
-        const test::Run run = play(method.scene, times);
+        Scene scene = method.scene;
+        change(scene.solver);
+        const test::Run run = play(scene, times);
         // Accelerations of slip are velocities over tau under gauss: 20 times their rounding.
-        hazard.compare(run, exact, method.scene, known.name + " " + principle + " " + method.name,
+        hazard.compare(run, exact, scene, known.name + " " + principle + " " + method.name,
                        kAllowed + 20.0 * roundingOf(run, method.tolerance));
       }
     }
   }
+}
+
+TEST(StepSizes, Tolerances) {
+  Hazard hazard("step sizes", "tolerances", "1e-1 to 1e-14");
+  std::vector<double> tolerances = {1e-1, 1e-3, 1e-6, 1e-9, 1e-11, 1e-13, 1e-14};
+  if (isLongForm()) {
+    tolerances.clear();
+    for (int n = 2; n <= 28; ++n) tolerances.push_back(std::pow(10.0, -0.5 * n));
+  }
+  compareKnown(hazard, tolerances, [](SolverSettings&) {});
 }
 
 /// The tolerance is relative alone: values that start from zero, pass through it, or stay there.
@@ -130,24 +116,11 @@ TEST(StepSizes, NoAbsoluteTolerance) {
       isLongForm()
           ? std::vector<double>{1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12}
           : std::vector<double>{1e-3, 1e-6, 1e-9};
-  for (const Known& known : knownMotions()) {
-    for (const char* principle : kPrinciples) {
-      if (!known.both_principles && principle != kPrinciples[0]) continue;
-      const Scene plain = sceneFromText(known.yaml + "principle: " + principle + "\n");
-      const std::vector<double> times = evenly(known.end, 9);
-      const test::Run exact = tabulate(times, known.write);
-      for (const Method& method : methodsOf(plain, tolerances)) {
-        Scene scene = method.scene;
-        scene.solver.absolute_tolerance = 0.0;
-        scene.solver.maximum_steps = 100000;
-        const test::Run run = play(scene, times);
-        // calcDifference measures in the largest value of the column so far; the angles do not
-        // count.
-        hazard.compare(run, exact, scene, known.name + " " + principle + " " + method.name,
-                       kAllowed + 20.0 * roundingOf(run, method.tolerance));
-      }
-    }
-  }
+  // calcDifference measures in the largest value of the column so far; the angles do not count.
+  compareKnown(hazard, tolerances, [](SolverSettings& solver) {
+    solver.absolute_tolerance = 0.0;
+    solver.maximum_steps = 100000;
+  });
 }
 
 /// Fixed steps from fine to absurd. They have no error control, so this is the rule: the motion is
@@ -170,21 +143,16 @@ TEST(StepSizes, FixedSteps) {
   std::vector<Case> cases;
   for (const Known& known : knownMotions()) cases.push_back({known, 1e9});
   // An oscillator: J w' = -k phi, 7 rad/s, with rest as the other solution of a damping scheme.
-  cases.push_back({{"oscillator",
-                    "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
-                    "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-49*phi1\"}\n"
-                    "constraints: []\ninitial: {velocity: [1]}\n",
-                    [](double t, Sample& sample) {
-                      sample.velocity[0] = std::cos(7.0 * t);
-                      sample.acceleration[0] = -7.0 * std::sin(7.0 * t);
-                    },
-                    true, 4.0},
-                   1e9});
+  cases.push_back(
+      {{"oscillator", sceneText("a 1", {"q on a: -49*phi1"}, "initial: {velocity: [1]}"),
+        [](double t, Sample& sample) {
+          sample.velocity[0] = std::cos(7.0 * t);
+          sample.acceleration[0] = -7.0 * std::sin(7.0 * t);
+        },
+        true, 4.0},
+       1e9});
   // A torque that swings faster than the steps: 30 rad/s.
-  cases.push_back({{"fast torque",
-                    "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
-                    "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"30*cos(30*t)\"}\n"
-                    "constraints: []\ninitial: {velocity: [0]}\n",
+  cases.push_back({{"fast torque", sceneText("a 1", {"q on a: 30*cos(30*t)"}),
                     [](double t, Sample& sample) {
                       sample.velocity[0] = std::sin(30.0 * t);
                       sample.acceleration[0] = 30.0 * std::cos(30.0 * t);
@@ -228,7 +196,7 @@ TEST(StepSizes, LateTimes) {
   Hazard hazard("step sizes", "late times", "t from 0.5 to 1e9 s");
   std::vector<double> instants = {0.5, 1e3, 1e6, 1e9};
   if (isLongForm()) instants = {0.5, 1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9};
-  const double J = 1.5 + 0.25 * 0.8;
+  const double J = gearInertia(1);
   const double c = 0.4 / J;
   for (double T : instants) {
     std::vector<double> times;
@@ -238,29 +206,20 @@ TEST(StepSizes, LateTimes) {
       const double w = -std::expm1(-c * (t - T)) / 0.4;
       sample.velocity[0] = w;
       sample.acceleration[0] = 1.0 / J - c * w;
-      sample.velocity[1] = 0.5 * w;
-      sample.acceleration[1] = 0.5 * sample.acceleration[0];
+      writeGear(1, sample);
     });
     for (const char* principle : kPrinciples) {
       for (int order = 1; order <= 3; ++order) {
-        const std::string v = order == 1 ? "w" : order == 2 ? "e" : "j";
-        const Scene plain = sceneFromText(
-            "shafts: [a, b]\na: {inertia: 1.5}\nb: {inertia: 0.8}\ntorques: [q, m]\n"
-            "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-0.4*w1\"}\n"
-            "m: {type: variator_sim/CommandedTorque, shaft: a, topic: m}\nconstraints: [k]\n"
-            "k: {type: variator_sim/ExpressionConstraint, order: " +
-            std::to_string(order) + ", expression: \"" + v + "2-0.5*" + v +
-            "1\"}\nprinciple: " + principle + "\n");
-        for (const Method& method : methodsOf(plain, {1e-4, 1e-8})) {
-          // A rest sleeps, so 1e9 s take no time.
-          const test::Run run = T > 0.0 ? play(method.scene, times, {{T, 0, 1.0}})
-                                        : play(method.scene, times, {{0.0, 0, 1.0}});
-          const double rounding = 4.0 * 1.2e-16 * T / method.tolerance;
-          const std::string label = "T = " + text(T) + " " + principle + " order " +
-                                    std::to_string(order) + " " + method.name;
-          hazard.compare(run, exact, method.scene, label, kAllowed + 10.0 * rounding);
-          EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-        }
+        const Scene plain = sceneFromText(gearText(order, {"q on a: -0.4*w1", "m on a from m"}) +
+                                          "principle: " + principle);
+        Asked asked;
+        asked.tolerances = {1e-4, 1e-8};
+        asked.commands = {{T, 0, 1.0}};
+        // A rest sleeps, so 1e9 s take no time.
+        compareMethods(
+            hazard, plain, exact,
+            "T = " + text(T) + " " + principle + " order " + std::to_string(order), asked,
+            [&](double tolerance) { return kAllowed + 10.0 * 4.0 * 1.2e-16 * T / tolerance; });
       }
     }
   }
@@ -287,18 +246,11 @@ TEST(StepSizes, LateTimesInFormulas) {
     });
     const std::string y = "max(0,t-" + exactly(T) + ")";
     for (const char* principle : kPrinciples) {
-      const Scene plain = sceneFromText(
-          "shafts: [a]\na: {inertia: 1.5}\ntorques: [q]\n"
-          "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-          y + "^3/(1+" + y + "^3)\"}\nconstraints: []\nprinciple: " + principle + "\n");
-      for (const Method& method : methodsOf(plain, {1e-4, 1e-8})) {
-        Scene scene = method.scene;
-        scene.solver.maximum_step = std::max(1.0, 1e-4 * T);
-        const test::Run run = play(scene, times);
-        const std::string label = "T = " + text(T) + " " + principle + " " + method.name;
-        hazard.compare(run, exact, scene, label, kAllowed + 10.0 * 4.8e-16 * T / method.tolerance);
-        EXPECT_EQ(run.reason, StopReason::kNone) << label << ": " << run.message;
-      }
+      Scene scene = sceneFromText("a 1.5", {"q on a: " + y + "^3/(1+" + y + "^3)"},
+                                  std::string("principle: ") + principle);
+      scene.solver.maximum_step = std::max(1.0, 1e-4 * T);
+      compareMethods(hazard, scene, exact, "T = " + text(T) + " " + principle, {{1e-4, 1e-8}},
+                     [&](double tolerance) { return kAllowed + 10.0 * 4.8e-16 * T / tolerance; });
     }
   }
 }
@@ -309,10 +261,7 @@ TEST(StepSizes, FixedStepsAtLateTimes) {
   Hazard hazard("step sizes", "fixed steps at late times", "t up to 1e4 s (1e6 in the long form)");
   const double T = sizeOf(2e3, 1e5);
   // A torque 1 + sin t on a shaft with damping: periodic after a while.
-  const Scene plain = sceneFromText(
-      "shafts: [a]\na: {inertia: 1.5}\ntorques: [q]\n"
-      "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"sin(t)-1.5*w1\"}\n"
-      "constraints: []\n");
+  const Scene plain = sceneFromText("a 1.5", {"q on a: sin(t)-1.5*w1"});
   const std::vector<double> times = {1.0, 10.0, 100.0, T};
   const test::Run exact = tabulate(times, [&](double t, Sample& sample) {
     // w' = sin(t)/J - w

@@ -27,6 +27,20 @@
 
 namespace variator_sim::test {
 
+/// A number in full precision.
+inline std::string plainly(double value) {
+  char buffer[40];
+  std::snprintf(buffer, sizeof buffer, "%.17g", value);
+  return buffer;
+}
+
+/// A list of them in YAML.
+inline std::string list(const std::vector<double>& values) {
+  std::string text;
+  for (const double value : values) text += (text.empty() ? "[" : ", ") + plainly(value);
+  return text + "]";
+}
+
 inline Scene sceneFromText(const std::string& yaml) {
   BuiltinComponentFactory factory;
   return readScene(readYamlText(yaml, "test"), factory, nodeNames());
