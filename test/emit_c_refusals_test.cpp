@@ -1,10 +1,7 @@
 // Laws that call opaque functions cannot be written as C and are refused by name.
-#include <gtest/gtest.h>
-
-#include <memory>
-#include <string>
 
 #include "emit_c/emit_c.h"
+#include "support/faults.h"
 #include "support/scenes.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/torque.h"
@@ -52,12 +49,7 @@ Simulation make(const std::string& torque, const std::string& constraint) {
 
 std::string refusalOf(const std::string& torque, const std::string& constraint) {
   Simulation simulation = make(torque, constraint);
-  try {
-    emitScene(simulation, "it", "it.yaml");
-  } catch (const SceneError& error) {
-    return error.what();
-  }
-  return "";
+  return test::messageOf([&] { emitScene(simulation, "it", "it.yaml"); });
 }
 
 TEST(EmitCRefusals, NothingOfFormulas) {

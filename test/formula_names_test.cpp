@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "support/faults.h"
 #include "variator_sim/expression/guards.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
@@ -52,12 +53,7 @@ struct Formulas {
     return evaluate(read(text), x, y);
   }
   std::string messageOf(const std::string& text) {
-    try {
-      read(text);
-    } catch (const ExpressionError& error) {
-      return error.what();
-    }
-    return "";
+    return test::messageOf([&] { read(text); });
   }
 
   Graph graph;
@@ -291,12 +287,7 @@ TEST(Table2, StaysAtItsEdges) {
 
 TEST(Table2, SaysWhatIsWrong) {
   const auto messageOf = [](const std::string& yaml) -> std::string {
-    try {
-      table(yaml);
-    } catch (const SceneError& error) {
-      return error.what();
-    }
-    return "";
+    return test::messageOf([&] { table(yaml); });
   };
   EXPECT_NE(messageOf("{x: [0, 1], y: [0, 1, 2], values: [[1, 2, 3]]}").find("1 rows; expected"),
             std::string::npos);

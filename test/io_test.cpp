@@ -6,6 +6,7 @@
 #include <fstream>
 #include <limits>
 
+#include "support/faults.h"
 #include "variator_sim/io/command_file.h"
 #include "variator_sim/io/yaml_tree.h"
 
@@ -159,38 +160,24 @@ TEST(YamlTree, FaultsNameFileLineAndColumn) {
         BadYaml{"a: &a [*a]\n", "s.yaml:1:", "deep"},
         BadYaml{"a: &a {<<: *a}\n", "s.yaml:1:", "deep"}, BadYaml{deep, "s.yaml:1:", "deep"},
         BadYaml{bombText(), "s.yaml:", "more than 100000 values"}}) {
-    try {
-      readYamlText(bad.text, "s.yaml");
-      ADD_FAILURE() << "accepted: " << bad.text;
-    } catch (const SceneError& error) {
-      const std::string message = error.what();
-      EXPECT_EQ(message.rfind(bad.place, 0), 0U) << bad.text << "\n" << message;
-      EXPECT_NE(message.find(bad.words), std::string::npos) << bad.text << "\n" << message;
-    }
+    const std::string message = test::messageOf([&] { readYamlText(bad.text, "s.yaml"); });
+    EXPECT_EQ(message.rfind(bad.place, 0), 0U) << bad.text << "\n" << message;
+    EXPECT_NE(message.find(bad.words), std::string::npos) << bad.text << "\n" << message;
   }
 }
 
 TEST(YamlTree, ReadsFiles) {
   const TemporaryFile file("a: 1\nb: [x\n");
-  try {
-    readYamlFile(file.path());
-    FAIL() << "accepted";
-  } catch (const SceneError& error) {
-    EXPECT_EQ(std::string(error.what()).rfind(file.path() + ":", 0), 0U) << error.what();
-  }
+  const std::string fault = test::messageOf([&] { readYamlFile(file.path()); });
+  EXPECT_EQ(fault.rfind(file.path() + ":", 0), 0U) << fault;
   std::ofstream(file.path(), std::ios::binary) << "a: 1\r\nb: x\r\n";
   EXPECT_EQ(readYamlFile(file.path()).toText(), "{a: 1, b: x}");
 }
 
 TEST(YamlTree, RefusesFilesThatCannotBeRead) {
   for (const std::string& path : {testing::TempDir(), std::string("no/such/scene.yaml")}) {
-    try {
-      readYamlFile(path);
-      FAIL() << "accepted " << path;
-    } catch (const SceneError& error) {
-      EXPECT_NE(std::string(error.what()).find(path + ":1:1: cannot be read: "), std::string::npos)
-          << error.what();
-    }
+    const std::string fault = test::messageOf([&] { readYamlFile(path); });
+    EXPECT_NE(fault.find(path + ":1:1: cannot be read: "), std::string::npos) << fault;
   }
 }
 
@@ -251,12 +238,8 @@ TEST(CommandFile, FaultsNameFileAndLineAndWhatIsExpected) {
            BadCsv{"time,topic,value\n0,a,1\n\n1,a,x\n",
                   "c.csv:4: value 'x' in '1,a,x'; expected: a number"},
        }) {
-    try {
-      readCommandText(bad.text, "c.csv");
-      ADD_FAILURE() << "accepted: " << bad.text;
-    } catch (const CommandFileError& error) {
-      EXPECT_EQ(std::string(error.what()).rfind(bad.message, 0), 0U) << error.what();
-    }
+    const std::string fault = test::messageOf([&] { readCommandText(bad.text, "c.csv"); });
+    EXPECT_EQ(fault.rfind(bad.message, 0), 0U) << bad.text << "\n" << fault;
   }
 }
 
@@ -282,26 +265,15 @@ TEST(CommandFile, ReadsFiles) {
   ASSERT_EQ(commands.size(), 1U);
   EXPECT_EQ(commands[0].value, 2.0);
   for (const char* unreadable : {"no/such/commands.csv", "/"}) {
-    try {
-      readCommandFile(unreadable);
-      ADD_FAILURE() << unreadable;
-    } catch (const CommandFileError& error) {
-      EXPECT_EQ(
-          std::string(error.what()).rfind(std::string(unreadable) + ":1: cannot be read: ", 0), 0U)
-          << error.what();
-    }
+    const std::string fault = test::messageOf([&] { readCommandFile(unreadable); });
+    EXPECT_EQ(fault.rfind(std::string(unreadable) + ":1: cannot be read: ", 0), 0U) << fault;
   }
   EXPECT_THROW(readCommandFile(testing::TempDir()), CommandFileError);
 }
 
 TEST(CommandFile, ACommandFileHasBounds) {
-  const auto faultOf = [](const std::string& text) -> std::string {
-    try {
-      readCommandText(text, "test");
-    } catch (const CommandFileError& error) {
-      return error.what();
-    }
-    return "";
+  const auto faultOf = [](const std::string& text) {
+    return test::messageOf([&] { readCommandText(text, "test"); });
   };
   const std::string line = "1,a," + std::string(995, '0') + "1";
   EXPECT_EQ(faultOf("time,topic,value\n" + line + "\n" + line), "");
@@ -326,13 +298,9 @@ TEST(YamlTree, RefusesTagsThatOthersRun) {
   for (const std::string value :
        {"!radians \"__import__('os').system('id')\"", "!degrees 180",
         "!!binary aGk=", "!!python/object/apply:os.system ['id']", "!<tag:a,b:c> 1"}) {
-    try {
-      readYamlText("shafts: [a]\nsolver: {step: " + value + "}\n", "scene.yaml");
-      ADD_FAILURE() << value;
-    } catch (const SceneError& error) {
-      EXPECT_NE(std::string(error.what()).find("is not supported"), std::string::npos)
-          << error.what();
-    }
+    const std::string fault = test::messageOf(
+        [&] { readYamlText("shafts: [a]\nsolver: {step: " + value + "}\n", "scene.yaml"); });
+    EXPECT_NE(fault.find("is not supported"), std::string::npos) << value << ": " << fault;
   }
 }
 

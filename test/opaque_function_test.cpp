@@ -3,17 +3,9 @@
 // wrong gradient is caught by name.
 #include "variator_sim/expression/opaque_function.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <memory>
 #include <stdexcept>
-#include <string>
-#include <utility>
-#include <vector>
 
+#include "support/faults.h"
 #include "support/scenes.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/linear_model.h"
@@ -370,12 +362,7 @@ TEST(OpaqueFunction, HasTheLinearModelOfItsFormula) {
 }
 
 std::string messageOf(const Case& torque, const Case& constraint) {
-  try {
-    sceneOf(torque, constraint, true);
-  } catch (const SceneError& error) {
-    return error.what();
-  }
-  return "";
+  return test::messageOf([&] { sceneOf(torque, constraint, true); });
 }
 
 TEST(OpaqueFunction, HasNoPlaceInAConstraintOfOrder1ThatNeedsTwoDerivatives) {

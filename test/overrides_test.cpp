@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "support/faults.h"
 #include "variator_sim/io/override_text.h"
 #include "variator_sim/io/yaml_tree.h"
 
@@ -31,12 +32,7 @@ std::string valueOf(const std::string& key, const std::string& override_text) {
 }
 
 std::string faultOf(const std::string& override_text) {
-  try {
-    sceneWith(override_text);
-  } catch (const SceneError& error) {
-    return error.what();
-  }
-  return "";
+  return test::messageOf([&] { sceneWith(override_text); });
 }
 
 TEST(Overrides, PathsLeadThroughDictionariesAndLists) {

@@ -1,15 +1,6 @@
 // Quantities of a motion beside its state: by name, on request, without effect on the motion.
-#include <gtest/gtest.h>
 
-#include <cmath>
-#include <cstring>
-#include <limits>
-#include <map>
-#include <memory>
-#include <string>
-#include <utility>
-#include <vector>
-
+#include "support/faults.h"
 #include "support/scenes.h"
 #include "variator_sim/errors.h"
 
@@ -189,12 +180,7 @@ Scene sceneWith(std::vector<std::string> names) {
 }
 
 std::string refusalOf(std::vector<std::string> names) {
-  try {
-    sceneWith(std::move(names));
-  } catch (const SceneError& error) {
-    return error.what();
-  }
-  return "";
+  return test::messageOf([&] { sceneWith(std::move(names)); });
 }
 
 TEST(Quantities, OfAPluginComeWithItsOwnOutputs) {

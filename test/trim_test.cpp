@@ -1,6 +1,7 @@
 // Steady states: that they are some, how many there are, and what is said where there is none.
 #include "variator_sim/trim.h"
 
+#include "support/faults.h"
 #include "support/scenes.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/linear_model.h"
@@ -162,12 +163,7 @@ TEST(Trim, FindsAccelerationsInConstantRatio) {
 
 TEST(Trim, RefusesNamesByTheNearest) {
   const auto message = [](TrimOptions options) -> std::string {
-    try {
-      trim(slipping(""), options);
-    } catch (const SceneError& error) {
-      return error.what();
-    }
-    return "";
+    return test::messageOf([&] { trim(slipping(""), options); });
   };
   TrimOptions fixed;
   fixed.fix = {{"w_drvie", 1.0}};

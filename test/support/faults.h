@@ -95,6 +95,24 @@ void expectFault(const Fault& fault, const Read& read) {
   }
 }
 
+/// `action` is refused, by its key and words.
+template <class Action>
+void expectRefused(const std::string& path, const std::vector<std::string>& words,
+                   const Action& action) {
+  expectFault({"", path, words}, [&action](const std::string&) { action(); });
+}
+
+/// What `action` throws; "" if it does not.
+template <class Action>
+std::string messageOf(const Action& action) {
+  try {
+    action();
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+  return "";
+}
+
 /// `read` refuses each row of test/faults/NAME.txt behind the keys that the section's head gives.
 template <class Read>
 void expectFaultsOfElements(const std::string& name, const Read& read) {
