@@ -1,40 +1,7 @@
 // After set-up the running loop allocates nothing: steps, commands, jumps, samples, stops, resets.
-// malloc itself is counted, so that Eigen's and the C library's own calls are seen too.
 
-#include <atomic>
-#include <cstdlib>
-
+#include "support/count_allocations.h"
 #include "support/scenes.h"
-
-namespace {
-std::atomic<long> allocations{0};
-}
-
-// Sanitizers have a malloc of their own, which may not be replaced: this whole file is left out
-// then.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define VARIATOR_SIM_COUNTS_ALLOCATIONS 0
-#else
-#define VARIATOR_SIM_COUNTS_ALLOCATIONS 1
-extern "C" {
-void* __libc_malloc(std::size_t size);                 // NOLINT
-void* __libc_calloc(std::size_t n, std::size_t size);  // NOLINT
-void* __libc_realloc(void* block, std::size_t size);   // NOLINT
-
-void* malloc(std::size_t size) {
-  ++allocations;
-  return __libc_malloc(size);
-}
-void* calloc(std::size_t n, std::size_t size) {
-  ++allocations;
-  return __libc_calloc(n, size);
-}
-void* realloc(void* block, std::size_t size) {
-  ++allocations;
-  return __libc_realloc(block, size);
-}
-}
-#endif
 
 namespace variator_sim {
 namespace {
@@ -50,7 +17,9 @@ const std::string kScene =
                     "initial: {velocity: [10, 5, 8]}");
 
 TEST(Allocation, CounterCounts) {
-  if (!VARIATOR_SIM_COUNTS_ALLOCATIONS) GTEST_SKIP() << "under a sanitizer";
+#ifndef VARIATOR_SIM_COUNTS_ALLOCATIONS
+  GTEST_SKIP() << "under a sanitizer";
+#endif
   const long before = allocations;
   // The string is longer than any small-string buffer.
   const std::string text(1000, 'x');

@@ -17,14 +17,11 @@ namespace {
 
 /// Two shafts, a motor, a propeller, one constraint `it`.
 std::string sceneText(const std::string& constraint, const std::string& rest = "") {
-  return "shafts: [drive, load]\ndrive: {inertia: 0.8}\nload: {inertia: 2}\n"
-         "torques: [motor, propeller, command]\n"
-         "motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "
-         "\"12*((50-w1)/50)/(((50-w1)/50)^2+0.04)\"}\n"
-         "propeller: {type: variator_sim/ExpressionTorque, shaft: load, torque: \"-0.02*w2^2\"}\n"
-         "command: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}\n"
-         "constraints: [it]\nit: {type: variator_sim/" +
-         constraint + "}\n" + rest;
+  return test::sceneText(
+      "drive 0.8, load 2",
+      {"motor on drive: 12*((50-w1)/50)/(((50-w1)/50)^2+0.04)", "propeller on load: -0.02*w2^2",
+       "command on drive from torque", "it = " + constraint},
+      rest);
 }
 
 Scene sceneOf(const std::string& constraint, const std::string& rest = "") {
@@ -455,12 +452,7 @@ class Factory : public BuiltinComponentFactory {
 
 std::string messageOf(const std::string& yaml) {
   Factory factory;
-  try {
-    readScene(readYamlText(yaml, "test"), factory);
-  } catch (const SceneError& error) {
-    return error.what();
-  }
-  return "";
+  return test::messageOf([&] { readScene(readYamlText(yaml, "test"), factory); });
 }
 
 TEST(VerifyDerivatives, IsABoolean) {
@@ -471,20 +463,16 @@ TEST(VerifyDerivatives, IsABoolean) {
 
 // Derivatives that differences cannot resolve are not checked: such formulas are loaded.
 TEST(VerifyDerivatives, AsksNothingOfFormulas) {
-  const std::string start = "initial: {velocity: [12.4]}\ntorques: [it]\nshafts: [a]\n";
-  const char* const laws[] = {
-      "torque: \"-6919.2*cos(1e15*t)\"",
-      "torque: \"-6919.2*cos(9e18*t)*sin(phi1+1e300)\"",
-      "torque: \"tanh(w1/1e-300)*5e-324\"",
-      "torque: \"map(w1, 0.5)\"",
-      "torque: \"sqrt(w1-12.4+1e-300)+(w1-12.4)^0.5\"",
-  };
-  for (const char* law : laws) {
-    const std::string scene =
-        start + "a: {inertia: 1}\ntables: [map]\n" +
-        "map: {x: [0, 100], y: [-1.0e+10, 0.5, 1], values: [[0, 1, 2], [3, 4, 6]]}\n" +
-        "it: {type: variator_sim/ExpressionTorque, shaft: a, " + law + "}\n";
-    EXPECT_EQ(messageOf(scene), "") << law;
+  for (const char* law :
+       {"-6919.2*cos(1e15*t)", "-6919.2*cos(9e18*t)*sin(phi1+1e300)", "tanh(w1/1e-300)*5e-324",
+        "map(w1, 0.5)", "sqrt(w1-12.4+1e-300)+(w1-12.4)^0.5"}) {
+    EXPECT_EQ(messageOf(test::sceneText("a 1", {std::string("it on a: ") + law}, R"yaml(
+initial: {velocity: [12.4]}
+tables: [map]
+map: {x: [0, 100], y: [-1.0e+10, 0.5, 1], values: [[0, 1, 2], [3, 4, 6]]}
+)yaml")),
+              "")
+        << law;
   }
 }
 

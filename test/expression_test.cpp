@@ -3,47 +3,19 @@
 #include <gtest/gtest.h>
 
 #include <array>
-#include <atomic>
 #include <cmath>
-#include <cstdlib>
 #include <functional>
 #include <limits>
 #include <memory>
-#include <new>
 #include <random>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "support/count_allocations.h"
 #include "support/faults.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
-
-namespace {
-
-std::atomic<long> allocation_count{0};
-
-}  // namespace
-
-// Counts what the whole program allocates. The array forms end here too. Not inlined: GCC would
-// take std::free for the wrong partner of operator new.
-__attribute__((noinline)) void* operator new(std::size_t size) {
-  ++allocation_count;
-  if (void* memory = std::malloc(size == 0 ? 1 : size)) {
-    return memory;
-  }
-  throw std::bad_alloc();
-}
-__attribute__((noinline)) void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
-  ++allocation_count;
-  return std::malloc(size == 0 ? 1 : size);
-}
-__attribute__((noinline)) void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-__attribute__((noinline)) void operator delete(void* memory, std::size_t /*size*/) noexcept {
-  std::free(memory);
-}
 
 namespace variator_sim::expression {
 namespace {
@@ -802,12 +774,12 @@ TEST(ExpressionTape, AllocatesNothingWhileItEvaluates) {
   const Tape tape(formulas.graph, {node, formulas.graph.differentiate(node, kX)});
   double angle[] = {0.3, 0.9};
   double values[2] = {};
-  const long before = allocation_count;
+  const long before = allocations;
   for (int i = 0; i < 1000; ++i) {
     angle[0] += 1e-4;
     tape.evaluate({0.0, angle, nullptr, nullptr, nullptr, nullptr}, values);
   }
-  EXPECT_EQ(allocation_count - before, 0);
+  EXPECT_EQ(allocations - before, 0);
   EXPECT_GT(before, 0) << "the counter does not count";
   EXPECT_TRUE(std::isfinite(values[0]) && std::isfinite(values[1]));
 }
@@ -849,14 +821,11 @@ TEST(ExpressionErrors, ShowThePlaceWithACaret) {
 
 TEST(ExpressionErrors, AreExplainedByWhoKnowsTheScene) {
   Formulas formulas;
-  try {
+  const std::string fault = test::messageOf([&] {
     parse("x*w3", formulas.symbols, formulas.graph,
           [](const std::string& name) { return name == "w3" ? "only two" : ""; });
-    FAIL();
-  } catch (const ExpressionError& error) {
-    EXPECT_EQ(std::string(error.what()).rfind("unknown name 'w3': only two at column 3", 0), 0U)
-        << error.what();
-  }
+  });
+  EXPECT_EQ(fault.rfind("unknown name 'w3': only two at column 3", 0), 0U) << fault;
 }
 
 std::string repeat(const std::string& piece, int count) {

@@ -4,43 +4,11 @@
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
-#include <new>
 #include <thread>
 
 #include "ros/nanoseconds.h"
+#include "support/count_allocations.h"
 #include "support/scenes.h"
-
-namespace {
-
-thread_local bool counting = false;
-std::atomic<int> allocations{0};
-
-void* allocate(std::size_t size) {
-  if (counting) allocations.fetch_add(1);
-  if (void* memory = std::malloc(size)) return memory;
-  throw std::bad_alloc();
-}
-
-}  // namespace
-
-void* operator new(std::size_t size) {
-  return allocate(size);
-}
-void* operator new[](std::size_t size) {
-  return allocate(size);
-}
-void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete[](void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
-void operator delete[](void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
 
 namespace variator_sim {
 namespace {
@@ -140,44 +108,64 @@ const std::string kRestingScene = test::sceneText(
 
 constexpr std::int64_t kMs = 1000000;
 
+/// A loop on its clock, and none of the allocations counted yet.
+template <class Clock>
+class LoopTest : public testing::Test {
+ protected:
+  LoopTest() {
+    counting = false;
+    allocations = 0;
+  }
+  void make(const std::string& scene) {
+    loop_ =
+        std::make_unique<SteppingLoop>(Simulation(test::sceneFromText(scene)), settings_, clock_);
+  }
+  LoopSnapshot lastSnapshot() {
+    LoopSnapshot snapshot;
+    while (loop_->popSnapshot(snapshot)) {
+    }
+    return snapshot;
+  }
+
+  Clock clock_;
+  NodeSettings settings_;
+  std::unique_ptr<SteppingLoop> loop_;
+};
+using ScriptedLoop = LoopTest<ScriptedClock>;
+using EventLoop = LoopTest<EventClock>;
+using SteadyLoop = LoopTest<SteadyClock>;
+
 bool sameBits(const Sample& a, const Sample& b) {
   return std::memcmp(&a, &b, sizeof(Sample)) == 0;
 }
 
-TEST(SteppingLoop, AllocatesNothingPerTick) {
-  ScriptedClock clock;
-  NodeSettings settings;
-  settings.publish_rate = 1000.0;
-  SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
-  loop.setSamplesWanted(true);
-  clock.on_sleep_ = [&](int tick) {
+TEST_F(ScriptedLoop, AllocatesNothingPerTick) {
+  settings_.publish_rate = 1000.0;
+  make(kScene);
+  loop_->setSamplesWanted(true);
+  clock_.on_sleep_ = [&](int tick) {
     if (tick == 100) counting = true;
-    if (tick % 7 == 0) loop.command({0, std::sin(0.01 * tick)});
-    if (tick % 100 == 0) loop.command({0, std::numeric_limits<double>::quiet_NaN()});
+    if (tick % 7 == 0) loop_->command({0, std::sin(0.01 * tick)});
+    if (tick % 100 == 0) loop_->command({0, std::numeric_limits<double>::quiet_NaN()});
     if (tick == 5000) {
       counting = false;
-      loop.stop();
+      loop_->stop();
     }
   };
-  allocations = 0;
-  loop.run();
-  EXPECT_EQ(allocations.load(), 0);
+  loop_->run();
+  EXPECT_EQ(allocations, 0);
 }
 
 // The steps of one tick may take for ever: here 3e9 of them.
-TEST(SteppingLoop, StopsInTheMidstOfATickThatCrawls) {
-  ScriptedClock clock;
-  NodeSettings settings;
-  settings.tick_rate = settings.publish_rate = 0.1;
-  SteppingLoop loop(
-      Simulation(test::sceneFromText("a 1", {"drag on a: sin(t) - 1e9*w_a"},
-                                     "solver: {stepper: dopri5, maximum_steps: 2000000000}")),
-      settings, clock);
+TEST_F(ScriptedLoop, StopsInTheMidstOfATickThatCrawls) {
+  settings_.tick_rate = settings_.publish_rate = 0.1;
+  make(test::sceneText("a 1", {"drag on a: sin(t) - 1e9*w_a"},
+                       "solver: {stepper: dopri5, maximum_steps: 2000000000}"));
   std::atomic<bool> ticks{false};
   std::atomic<bool> has_ended{false};
-  clock.on_sleep_ = [&](int) { ticks = true; };
+  clock_.on_sleep_ = [&](int) { ticks = true; };
   std::thread thread([&] {
-    loop.run();
+    loop_->run();
     has_ended = true;
   });
   const auto wait = [](const std::atomic<bool>& flag) {
@@ -189,7 +177,7 @@ TEST(SteppingLoop, StopsInTheMidstOfATickThatCrawls) {
   EXPECT_TRUE(wait(ticks));
   std::this_thread::sleep_for(std::chrono::milliseconds(200));
   EXPECT_FALSE(has_ended);
-  loop.stop();
+  loop_->stop();
   EXPECT_TRUE(wait(has_ended));
   if (!has_ended) std::_Exit(1);  // nothing else ends that thread
   thread.join();
@@ -205,6 +193,7 @@ std::vector<TimedSample> runForEnergy(int from, LoopSnapshot* snapshot) {
   std::vector<TimedSample> samples;
   TimedSample timed;
   allocations = 0;
+  counting = false;
   clock.on_sleep_ = [&](int tick) {
     counting = false;
     while (loop.popSample(timed)) {
@@ -222,25 +211,23 @@ std::vector<TimedSample> runForEnergy(int from, LoopSnapshot* snapshot) {
   };
   loop.run();
   counting = false;
-  EXPECT_EQ(allocations.load(), 0);
+  EXPECT_EQ(allocations, 0);
   return samples;
 }
 
-TEST(SteppingLoop, TellsTheFirstClampedCommandOfAnInput) {
+TEST_F(ScriptedLoop, TellsTheFirstClampedCommandOfAnInput) {
   std::string scene = kScene;
   scene.replace(scene.find("topic: drive_torque"), 0, "max: 40, ");
-  ScriptedClock clock;
-  NodeSettings settings;
-  SteppingLoop loop(Simulation(test::sceneFromText(scene)), settings, clock);
-  clock.on_sleep_ = [&](int tick) {
-    if (tick < 5) loop.command({0, 30.0 + 10.0 * tick});  // 40, 50, 60, 70
-    if (tick == 10) loop.stop();
+  make(scene);
+  clock_.on_sleep_ = [&](int tick) {
+    if (tick < 5) loop_->command({0, 30.0 + 10.0 * tick});  // 40, 50, 60, 70
+    if (tick == 10) loop_->stop();
   };
-  loop.run();
+  loop_->run();
   InputCommand command;
-  ASSERT_TRUE(loop.popOddCommand(command));
+  ASSERT_TRUE(loop_->popOddCommand(command));
   EXPECT_EQ(command.value, 50.0);
-  EXPECT_FALSE(loop.popOddCommand(command));
+  EXPECT_FALSE(loop_->popOddCommand(command));
 }
 
 TEST(SteppingLoop, EnergyCountsFromTheStartForWhoComesLate) {
@@ -279,7 +266,7 @@ std::vector<double> quantitiesOf(Simulation& simulation, QuantityGroups groups) 
   return values;
 }
 
-TEST(SteppingLoop, BringsTheQuantitiesOfTheGroupsThatAreWanted) {
+TEST_F(ScriptedLoop, BringsTheQuantitiesOfTheGroupsThatAreWanted) {
   const std::string scene = kScene + "outputs: [ratio]\nratio: {expression: w2/w1 + e1}\n";
   QuantityGroups some;
   some.add(QuantityGroup::kElements);
@@ -289,20 +276,17 @@ TEST(SteppingLoop, BringsTheQuantitiesOfTheGroupsThatAreWanted) {
   const auto wanted_at = [&](std::int64_t tick) {
     return tick < 500 || tick >= 1500 ? QuantityGroups() : tick < 1000 ? some : others;
   };
-  ScriptedClock clock;
-  NodeSettings settings;
-  SteppingLoop loop(Simulation(test::sceneFromText(scene)), settings, clock);
-  loop.setSamplesWanted(true);
+  make(scene);
+  loop_->setSamplesWanted(true);
   Simulation offline(test::sceneFromText(scene));
-  ASSERT_EQ(loop.quantityCount(), 4u + 1u + 1u + 4u);  // G of two shafts, Z, the measure of gauss
-  std::vector<double> values(loop.quantityCount());
+  ASSERT_EQ(loop_->quantityCount(), 4u + 1u + 1u + 4u);  // G of two shafts, Z, the measure of gauss
+  std::vector<double> values(loop_->quantityCount());
   TimedSample timed;
   int count = 0;
-  allocations = 0;
   // While the loop sleeps before a tick: what the ticks before have left, then what this one finds.
-  clock.on_sleep_ = [&](int tick) {
+  clock_.on_sleep_ = [&](int tick) {
     counting = false;
-    while (loop.popSample(timed, values.data())) {
+    while (loop_->popSample(timed, values.data())) {
       offline.advanceTo(static_cast<double>(timed.time) / 1e9);
       ASSERT_EQ(timed.groups.bits(), wanted_at(timed.time / kMs).bits()) << timed.time;
       const std::vector<double> expected = quantitiesOf(offline, timed.groups);
@@ -311,42 +295,40 @@ TEST(SteppingLoop, BringsTheQuantitiesOfTheGroupsThatAreWanted) {
                                                   expected.size() * sizeof(double)) == 0);
       ++count;
     }
-    loop.setQuantitiesWanted(wanted_at(tick));
+    loop_->setQuantitiesWanted(wanted_at(tick));
     if (tick % 150 == 0) {
-      loop.command({0, 0.01 * tick});
+      loop_->command({0, 0.01 * tick});
       offline.advanceTo(tick / 1000.0);
       offline.command(0, 0.01 * tick);
     }
     if (tick == 2000) {
-      loop.stop();
+      loop_->stop();
       return;
     }
     counting = tick > 100;
   };
-  loop.run();
+  loop_->run();
   counting = false;
-  EXPECT_EQ(allocations.load(), 0);
+  EXPECT_EQ(allocations, 0);
   EXPECT_EQ(count, 200);
 }
 
-TEST(SteppingLoop, TakesACommandAtTheNextTickAndShowsItThere) {
-  ScriptedClock clock;
-  NodeSettings settings;
-  settings.publish_rate = 1000.0;
-  SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
-  loop.setSamplesWanted(true);
-  clock.on_sleep_ = [&](int tick) {
+TEST_F(ScriptedLoop, TakesACommandAtTheNextTickAndShowsItThere) {
+  settings_.publish_rate = 1000.0;
+  make(kScene);
+  loop_->setSamplesWanted(true);
+  clock_.on_sleep_ = [&](int tick) {
     // Given while the loop waits for tick 50.
-    if (tick == 50) loop.command({0, 3.0});
-    if (tick == 100) loop.stop();
+    if (tick == 50) loop_->command({0, 3.0});
+    if (tick == 100) loop_->stop();
   };
-  loop.run();
+  loop_->run();
 
   Simulation offline(test::sceneFromText(kScene));
   TimedSample timed;
-  ASSERT_TRUE(loop.popSample(timed));
+  ASSERT_TRUE(loop_->popSample(timed));
   EXPECT_EQ(timed.time, 0);
-  for (int tick = 1; loop.popSample(timed); ++tick) {
+  for (int tick = 1; loop_->popSample(timed); ++tick) {
     ASSERT_EQ(timed.time, tick * 1000000);
     offline.advanceTo(tick / 1000.0);
     if (tick == 50) offline.command(0, 3.0);
@@ -357,18 +339,14 @@ TEST(SteppingLoop, TakesACommandAtTheNextTickAndShowsItThere) {
   EXPECT_EQ(timed.time, 100000000);
 }
 
-TEST(SteppingLoop, TellsItsRealTimeFactorAndLateness) {
-  ScriptedClock clock;
-  NodeSettings settings;
-  settings.real_time_factor = 4.0;
-  SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
-  clock.on_sleep_ = [&](int tick) {
-    if (tick == 20000) loop.stop();
+TEST_F(ScriptedLoop, TellsItsRealTimeFactorAndLateness) {
+  settings_.real_time_factor = 4.0;
+  make(kScene);
+  clock_.on_sleep_ = [&](int tick) {
+    if (tick == 20000) loop_->stop();
   };
-  loop.run();
-  LoopSnapshot snapshot;
-  while (loop.popSnapshot(snapshot)) {
-  }
+  loop_->run();
+  const LoopSnapshot snapshot = lastSnapshot();
   EXPECT_EQ(snapshot.state, RunState::kRunning);
   EXPECT_NEAR(snapshot.real_time_factor, 4.0, 1e-3);
   EXPECT_EQ(snapshot.pacing.overruns, 0u);
@@ -378,57 +356,52 @@ TEST(SteppingLoop, TellsItsRealTimeFactorAndLateness) {
 // --- ticks inside a step -----------------------------------------------------------------------
 // Unobserved ticks move the current time alone. Results in between are those of a loop that makes
 // every tick: commands at their ticks, timeouts between two of them, samples.
-TEST(SteppingLoop, TicksInsideAStepChangeNothing) {
+TEST_F(ScriptedLoop, TicksInsideAStepChangeNothing) {
   const std::string kOverdue = test::sceneText(
       "drive 2",
       {"motor on drive from torque, timeout: 0.0405, on_timeout: zero", "drag on drive: -0.1*w1"},
       "initial: {velocity: [5]}");
   const std::map<int, double> commands{{13, 4.0}, {44, -2.0}, {45, 1.0}, {230, 3.0}};
-  ScriptedClock clock;
-  NodeSettings settings;
-  settings.publish_rate = 10.0;
-  SteppingLoop loop(Simulation(test::sceneFromText(kOverdue)), settings, clock);
-  loop.setSamplesWanted(true);
-  clock.on_sleep_ = [&](int tick) {
-    if (commands.count(tick) > 0) loop.command({0, commands.at(tick)});
-    if (tick == 500) loop.stop();
+  settings_.publish_rate = 10.0;
+  make(kOverdue);
+  loop_->setSamplesWanted(true);
+  clock_.on_sleep_ = [&](int tick) {
+    if (commands.count(tick) > 0) loop_->command({0, commands.at(tick)});
+    if (tick == 500) loop_->stop();
   };
-  loop.run();
+  loop_->run();
 
   Simulation offline(test::sceneFromText(kOverdue));
   TimedSample timed;
-  ASSERT_TRUE(loop.popSample(timed));
+  ASSERT_TRUE(loop_->popSample(timed));
   for (int tick = 1; tick <= 500; ++tick) {
     offline.advanceTo(tick / 1000.0);
     if (commands.count(tick) > 0) offline.command(0, commands.at(tick));
     if (tick % 100 != 0) continue;
-    ASSERT_TRUE(loop.popSample(timed));
+    ASSERT_TRUE(loop_->popSample(timed));
     ASSERT_EQ(timed.time, tick * kMs);
     EXPECT_TRUE(sameBits(timed.sample, offline.sample())) << tick;
   }
-  LoopSnapshot snapshot;
-  while (loop.popSnapshot(snapshot)) {
-  }
+  const LoopSnapshot snapshot = lastSnapshot();
   EXPECT_EQ(offline.statistics().command_timeouts, 2u);
   EXPECT_EQ(snapshot.statistics.command_timeouts, 2u);
   EXPECT_EQ(snapshot.statistics.steps, offline.statistics().steps);
 }
 
 // omega' = omega^2 is infinite at 1 s.
-TEST(SteppingLoop, TellsAStopWithoutARequest) {
+TEST_F(ScriptedLoop, TellsAStopWithoutARequest) {
   const std::string kEscape =
       test::sceneText("drive 1", {"blow on drive: w1^2"}, "initial: {velocity: [1]}");
-  ScriptedClock clock;
-  SteppingLoop loop(Simulation(test::sceneFromText(kEscape)), NodeSettings{}, clock);
+  make(kEscape);
   bool stopped = false;
   LoopSnapshot snapshot;
   int last_tick = 0;
-  clock.on_sleep_ = [&](int tick) {
-    while (loop.popSnapshot(snapshot)) stopped = stopped || snapshot.state == RunState::kStopped;
-    if (stopped || tick == 2000) loop.stop();
+  clock_.on_sleep_ = [&](int tick) {
+    while (loop_->popSnapshot(snapshot)) stopped = stopped || snapshot.state == RunState::kStopped;
+    if (stopped || tick == 2000) loop_->stop();
     last_tick = tick;
   };
-  loop.run();
+  loop_->run();
   Simulation offline(test::sceneFromText(kEscape));
   offline.advanceTo(2.0);
   ASSERT_TRUE(stopped);
@@ -491,16 +464,14 @@ void expectSamplesAsOffline(SteppingLoop& loop, const std::map<std::int64_t, dou
 
 // A command in the middle of a rest acts at the tick after it, as if every tick had been made; and
 // the motion that comes to rest again is the same, too.
-TEST(SteppingLoop, ARestChangesNeitherTicksNorSamples) {
-  EventClock clock;
-  NodeSettings settings;
-  SteppingLoop loop(Simulation(test::sceneFromText(kRestingScene)), settings, clock);
-  loop.setSamplesWanted(true);
-  clock.at(501 * kMs + 400000, [&] { loop.command({0, 3.0}); });
-  clock.at(520 * kMs + 1, [&] { loop.command({0, 0.0}); });
-  clock.at(2455 * kMs + 1, [&] { loop.stop(); });
-  loop.run();
-  expectSamplesAsOffline(loop, {{502 * kMs, 3.0}, {521 * kMs, 0.0}}, 10 * kMs, 2450 * kMs);
+TEST_F(EventLoop, ARestChangesNeitherTicksNorSamples) {
+  make(kRestingScene);
+  loop_->setSamplesWanted(true);
+  clock_.at(501 * kMs + 400000, [&] { loop_->command({0, 3.0}); });
+  clock_.at(520 * kMs + 1, [&] { loop_->command({0, 0.0}); });
+  clock_.at(2455 * kMs + 1, [&] { loop_->stop(); });
+  loop_->run();
+  expectSamplesAsOffline(*loop_, {{502 * kMs, 3.0}, {521 * kMs, 0.0}}, 10 * kMs, 2450 * kMs);
 }
 
 TEST(SteppingLoop, ARestIsOneWaitPerSampleOrStatus) {
@@ -526,89 +497,80 @@ TEST(SteppingLoop, ARestIsOneWaitPerSampleOrStatus) {
 }
 
 // A subscriber that comes while the motion rests gets the samples that are due from then on.
-TEST(SteppingLoop, AllocatesNothingAtRest) {
-  EventClock clock;
-  NodeSettings settings;
-  SteppingLoop loop(Simulation(test::sceneFromText(kRestingScene)), settings, clock);
-  clock.at(100 * kMs, [&] { counting = true; });
-  clock.at(1500 * kMs, [&] { loop.setSamplesWanted(true); });
-  clock.at(2500 * kMs, [&] { loop.command({0, 1.0}); });
-  clock.at(2510 * kMs, [&] { loop.command({0, 0.0}); });
-  clock.at(2700 * kMs, [&] { loop.setRealTimeFactor(2.0); });
-  clock.at(2800 * kMs, [&] { loop.setPublishRate(500.0); });
-  clock.at(5000 * kMs, [&] {
+TEST_F(EventLoop, AllocatesNothingAtRest) {
+  make(kRestingScene);
+  clock_.at(100 * kMs, [&] { counting = true; });
+  clock_.at(1500 * kMs, [&] { loop_->setSamplesWanted(true); });
+  clock_.at(2500 * kMs, [&] { loop_->command({0, 1.0}); });
+  clock_.at(2510 * kMs, [&] { loop_->command({0, 0.0}); });
+  clock_.at(2700 * kMs, [&] { loop_->setRealTimeFactor(2.0); });
+  clock_.at(2800 * kMs, [&] { loop_->setPublishRate(500.0); });
+  clock_.at(5000 * kMs, [&] {
     counting = false;
-    loop.stop();
+    loop_->stop();
   });
-  allocations = 0;
-  loop.run();
-  EXPECT_EQ(allocations.load(), 0);
+  loop_->run();
+  EXPECT_EQ(allocations, 0);
 }
 
-TEST(SteppingLoop, ANewSubscriberIsServedDuringARest) {
-  EventClock clock;
-  NodeSettings settings;
-  SteppingLoop loop(Simulation(test::sceneFromText(kRestingScene)), settings, clock);
-  clock.at(321 * kMs, [&] { loop.setSamplesWanted(true); });
-  clock.at(345 * kMs, [&] { loop.stop(); });
-  loop.run();
+TEST_F(EventLoop, ANewSubscriberIsServedDuringARest) {
+  make(kRestingScene);
+  clock_.at(321 * kMs, [&] { loop_->setSamplesWanted(true); });
+  clock_.at(345 * kMs, [&] { loop_->stop(); });
+  loop_->run();
   TimedSample timed;
-  ASSERT_TRUE(loop.popSample(timed));  // the start
+  ASSERT_TRUE(loop_->popSample(timed));  // the start
   for (const std::int64_t time : {330 * kMs, 340 * kMs}) {
-    ASSERT_TRUE(loop.popSample(timed));
+    ASSERT_TRUE(loop_->popSample(timed));
     EXPECT_EQ(timed.time, time);
   }
-  EXPECT_FALSE(loop.popSample(timed));
+  EXPECT_FALSE(loop_->popSample(timed));
 }
 
 // A pause at an instant within a rest stops time at the last tick before it.
-TEST(SteppingLoop, APauseDuringARestFindsThePresent) {
-  EventClock clock;
-  NodeSettings settings;
-  SteppingLoop loop(Simulation(test::sceneFromText(kRestingScene)), settings, clock);
-  clock.submitAt(777 * kMs + 700000, loop, RequestKind::kPause);
-  clock.submitAt(900 * kMs, loop, RequestKind::kResume);
-  clock.at(901 * kMs + 1, [&] { loop.setSamplesWanted(true); });
-  clock.at(911 * kMs, [&] { loop.stop(); });
-  loop.run();
-  clock.join();
+TEST_F(EventLoop, APauseDuringARestFindsThePresent) {
+  make(kRestingScene);
+  clock_.submitAt(777 * kMs + 700000, *loop_, RequestKind::kPause);
+  clock_.submitAt(900 * kMs, *loop_, RequestKind::kResume);
+  clock_.at(901 * kMs + 1, [&] { loop_->setSamplesWanted(true); });
+  clock_.at(911 * kMs, [&] { loop_->stop(); });
+  loop_->run();
+  clock_.join();
   TimedSample timed;
-  ASSERT_TRUE(loop.popSample(timed));  // the start
-  ASSERT_TRUE(loop.popSample(timed));
+  ASSERT_TRUE(loop_->popSample(timed));  // the start
+  ASSERT_TRUE(loop_->popSample(timed));
   EXPECT_EQ(timed.time, 777 * kMs);
-  ASSERT_TRUE(loop.popSample(timed));
+  ASSERT_TRUE(loop_->popSample(timed));
   EXPECT_EQ(timed.time, 787 * kMs);
   EXPECT_EQ(timed.clock_time - EventClock::kStart, 910 * kMs);
 }
 
 // --- another speed ----------------------------------------------------------------------------
-TEST(SteppingLoop, ANewRealTimeFactorMakesNeitherBurstNorStall) {
-  EventClock clock;
-  NodeSettings settings;
-  settings.publish_rate = 1000.0;
-  SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
-  loop.setSamplesWanted(true);
+TEST_F(EventLoop, ANewRealTimeFactorMakesNeitherBurstNorStall) {
+  settings_.publish_rate = 1000.0;
+  make(kScene);
+  loop_->setSamplesWanted(true);
   std::vector<TimedSample> samples;
   const auto collect = [&] {
     TimedSample timed;
-    while (loop.popSample(timed)) samples.push_back(timed);
+    while (loop_->popSample(timed)) samples.push_back(timed);
   };
   const std::int64_t change = 100 * kMs + 300000;
   const std::int64_t back = 150 * kMs + 100000;
-  clock.at(change, [&] {
+  clock_.at(change, [&] {
     collect();
-    loop.setRealTimeFactor(0.25);
+    loop_->setRealTimeFactor(0.25);
   });
-  clock.at(back, [&] {
+  clock_.at(back, [&] {
     collect();
-    loop.setRealTimeFactor(1.0);
+    loop_->setRealTimeFactor(1.0);
   });
-  clock.at(200 * kMs, [&] {
+  clock_.at(200 * kMs, [&] {
     collect();
-    loop.stop();
+    loop_->stop();
   });
-  loop.run();
-  // Every tick has its sample: each is one tick after the one before, at its time on the clock.
+  loop_->run();
+  // Every tick has its sample: each is one tick after the one before, at its time on the clock_.
   ASSERT_GT(samples.size(), 150u);
   for (std::size_t i = 1; i < samples.size(); ++i) {
     ASSERT_EQ(samples[i].time - samples[i - 1].time, 1 * kMs);
@@ -624,24 +586,20 @@ TEST(SteppingLoop, ANewRealTimeFactorMakesNeitherBurstNorStall) {
       EXPECT_EQ(waited, slow ? 4 * kMs : 1 * kMs) << start;
     }
   }
-  LoopSnapshot snapshot;
-  while (loop.popSnapshot(snapshot)) {
-  }
+  const LoopSnapshot snapshot = lastSnapshot();
   EXPECT_EQ(snapshot.pacing.overruns, 0u);
   EXPECT_EQ(snapshot.pacing.lost_time, 0);
 }
 
-TEST(SteppingLoop, ANewPublishRateCountsFromNow) {
-  EventClock clock;
-  NodeSettings settings;
-  SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
-  loop.setSamplesWanted(true);
-  clock.at(95 * kMs + 1, [&] { loop.setPublishRate(200.0); });
-  clock.at(117 * kMs, [&] { loop.stop(); });
-  loop.run();
+TEST_F(EventLoop, ANewPublishRateCountsFromNow) {
+  make(kScene);
+  loop_->setSamplesWanted(true);
+  clock_.at(95 * kMs + 1, [&] { loop_->setPublishRate(200.0); });
+  clock_.at(117 * kMs, [&] { loop_->stop(); });
+  loop_->run();
   std::vector<std::int64_t> times;
   TimedSample timed;
-  while (loop.popSample(timed)) times.push_back(timed.time / kMs);
+  while (loop_->popSample(timed)) times.push_back(timed.time / kMs);
   EXPECT_EQ(times,
             (std::vector<std::int64_t>{0, 10, 20, 30, 40, 50, 60, 70, 80, 90, 101, 106, 111, 116}));
 }
@@ -666,11 +624,10 @@ TEST(SteppingLoop, TinyPublishRatesHangNothing) {
 
 // --- a clock of others ------------------------------------------------------------------------
 /// A loop on a clock that the test sets, in a thread of its own.
-class FollowedClockTest : public testing::Test {
+class FollowedClockTest : public LoopTest<FollowedClock> {
  protected:
   void start(const std::string& scene) {
-    loop_ =
-        std::make_unique<SteppingLoop>(Simulation(test::sceneFromText(scene)), settings_, clock_);
+    make(scene);
     loop_->setSamplesWanted(true);
     thread_ = std::thread([this] { loop_->run(); });
   }
@@ -713,9 +670,6 @@ class FollowedClockTest : public testing::Test {
 
   static constexpr std::int64_t kSecond = 1000 * kMs;
   SteadyClock steady_;
-  FollowedClock clock_;
-  NodeSettings settings_;
-  std::unique_ptr<SteppingLoop> loop_;
   std::thread thread_;
 };
 
@@ -822,59 +776,6 @@ TEST_F(FollowedClockTest, StepsWithoutAClock) {
   EXPECT_EQ(answer.sample.time, 5 * kMs);
 }
 
-// While paused the simulation is lent to the submitting thread, otherwise the stepping thread
-// serves: in whatever order these meet, no step and no command is lost or taken twice.
-TEST(SteppingLoop, ServesRequestsFromWhicheverThread) {
-  SteadyClock clock;
-  NodeSettings settings;
-  settings.start_paused = true;
-  SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
-  std::thread stepping([&loop] { loop.run(); });
-  std::int64_t time = 0;
-  std::uint64_t commands = 0;
-  for (int round = 0; round < 100; ++round) {
-    for (int i = 0; i < 5; ++i) {
-      // Wakes the thread that waits, so that the step meets it at any point of its way.
-      loop.command({0, 1.0});
-      LoopRequest step;
-      step.kind = RequestKind::kStep;
-      step.duration = 1000000;
-      step.group.count = 1;
-      step.group.commands[0] = {0, 0.5 * i};
-      commands += 2;
-      const LoopAnswer answer = loop.submit(step);
-      ASSERT_EQ(answer.result, RequestResult::kDone);
-      time += step.duration;
-      ASSERT_EQ(answer.sample.time, time);
-      ASSERT_EQ(answer.sample.sample.applied_torque[0], 0.5 * i);
-    }
-    LoopRequest request;
-    request.kind = RequestKind::kResume;
-    ASSERT_EQ(loop.submit(request).result, RequestResult::kDone);
-    request.kind = RequestKind::kPause;
-    ASSERT_EQ(loop.submit(request).result, RequestResult::kDone);
-    LoopSnapshot snapshot;
-    while (loop.popSnapshot(snapshot)) {
-    }
-    ASSERT_EQ(snapshot.state, RunState::kPaused);
-    ASSERT_EQ(snapshot.statistics.commands_accepted, commands);
-    ASSERT_GE(snapshot.time, time);
-    time = snapshot.time;
-  }
-  loop.stop();
-  stepping.join();
-  LoopRequest late;
-  late.kind = RequestKind::kStep;
-  late.duration = 1;
-  EXPECT_EQ(loop.submit(late).result, RequestResult::kShutDown);
-}
-
-// --- what takes long ---------------------------------------------------------------------------
-
-/// A ms of it takes some steps: 1e6 s would take hours.
-const std::string kBusyScene =
-    test::sceneText("a 1", {"it on a: cos(1e4*t)-w1"}, "solver: {maximum_steps: 1000000000}");
-
 LoopAnswer ask(SteppingLoop& loop, RequestKind kind, std::int64_t duration = 0) {
   LoopRequest request;
   request.kind = kind;
@@ -883,21 +784,62 @@ LoopAnswer ask(SteppingLoop& loop, RequestKind kind, std::int64_t duration = 0) 
   return loop.submit(request);
 }
 
-TEST(SteppingLoop, APauseAndAnEndInterruptALongStep) {
-  SteadyClock clock;
-  NodeSettings settings;
-  settings.start_paused = true;
-  SteppingLoop loop(Simulation(test::sceneFromText(kBusyScene)), settings, clock);
-  std::thread stepping([&loop] { loop.run(); });
+// While paused the simulation is lent to the submitting thread, otherwise the stepping thread
+// serves: in whatever order these meet, no step and no command is lost or taken twice.
+TEST_F(SteadyLoop, ServesRequestsFromWhicheverThread) {
+  settings_.start_paused = true;
+  make(kScene);
+  std::thread stepping([this] { loop_->run(); });
+  std::int64_t time = 0;
+  std::uint64_t commands = 0;
+  for (int round = 0; round < 100; ++round) {
+    for (int i = 0; i < 5; ++i) {
+      // Wakes the thread that waits, so that the step meets it at any point of its way.
+      loop_->command({0, 1.0});
+      LoopRequest step;
+      step.kind = RequestKind::kStep;
+      step.duration = 1000000;
+      step.group.count = 1;
+      step.group.commands[0] = {0, 0.5 * i};
+      commands += 2;
+      const LoopAnswer answer = loop_->submit(step);
+      ASSERT_EQ(answer.result, RequestResult::kDone);
+      time += step.duration;
+      ASSERT_EQ(answer.sample.time, time);
+      ASSERT_EQ(answer.sample.sample.applied_torque[0], 0.5 * i);
+    }
+    ASSERT_EQ(ask(*loop_, RequestKind::kResume).result, RequestResult::kDone);
+    ASSERT_EQ(ask(*loop_, RequestKind::kPause).result, RequestResult::kDone);
+    const LoopSnapshot snapshot = lastSnapshot();
+    ASSERT_EQ(snapshot.state, RunState::kPaused);
+    ASSERT_EQ(snapshot.statistics.commands_accepted, commands);
+    ASSERT_GE(snapshot.time, time);
+    time = snapshot.time;
+  }
+  loop_->stop();
+  stepping.join();
+  EXPECT_EQ(ask(*loop_, RequestKind::kStep, 1).result, RequestResult::kShutDown);
+}
+
+// --- what takes long ---------------------------------------------------------------------------
+
+/// A ms of it takes some steps: 1e6 s would take hours.
+const std::string kBusyScene =
+    test::sceneText("a 1", {"it on a: cos(1e4*t)-w1"}, "solver: {maximum_steps: 1000000000}");
+
+TEST_F(SteadyLoop, APauseAndAnEndInterruptALongStep) {
+  settings_.start_paused = true;
+  make(kBusyScene);
+  std::thread stepping([this] { loop_->run(); });
   LoopAnswer answer;
   std::atomic<bool> is_answered{false};
   const auto step = [&] {
     is_answered = false;
-    answer = ask(loop, RequestKind::kStep, 1000000000000000);
+    answer = ask(*loop_, RequestKind::kStep, 1000000000000000);
     is_answered = true;
   };
   std::thread caller(step);
-  while (!is_answered) EXPECT_EQ(ask(loop, RequestKind::kPause).result, RequestResult::kDone);
+  while (!is_answered) EXPECT_EQ(ask(*loop_, RequestKind::kPause).result, RequestResult::kDone);
   caller.join();
   EXPECT_EQ(answer.result, RequestResult::kInterrupted);
   const std::int64_t reached = answer.sample.time;
@@ -905,58 +847,54 @@ TEST(SteppingLoop, APauseAndAnEndInterruptALongStep) {
   EXPECT_LT(reached, 1000000000000000);
   EXPECT_NEAR(answer.sample.sample.time, toSeconds(reached), 2e-9);
   // It goes on from there.
-  answer = ask(loop, RequestKind::kStep, kMs);
+  answer = ask(*loop_, RequestKind::kStep, kMs);
   EXPECT_EQ(answer.result, RequestResult::kDone);
   EXPECT_EQ(answer.sample.time, reached + kMs);
   std::thread last(step);
-  loop.stop();
+  loop_->stop();
   last.join();
   stepping.join();
   EXPECT_EQ(answer.result, RequestResult::kShutDown);
 }
 
-TEST(SteppingLoop, ALongTickLetsRequestsThrough) {
-  SteadyClock clock;
-  NodeSettings settings;
-  settings.tick_rate = settings.publish_rate = 0.001;
-  settings.real_time_factor = 0.0;  // the first tick is due at once, at 1000 s
-  SteppingLoop loop(Simulation(test::sceneFromText(kBusyScene)), settings, clock);
-  std::thread stepping([&loop] { loop.run(); });
+TEST_F(SteadyLoop, ALongTickLetsRequestsThrough) {
+  settings_.tick_rate = settings_.publish_rate = 0.001;
+  settings_.real_time_factor = 0.0;  // the first tick is due at once, at 1000 s
+  make(kBusyScene);
+  std::thread stepping([this] { loop_->run(); });
   for (const RequestKind kind : {RequestKind::kGetState, RequestKind::kPause}) {
-    const LoopAnswer answer = ask(loop, kind);
+    const LoopAnswer answer = ask(*loop_, kind);
     EXPECT_EQ(answer.result, RequestResult::kDone) << answer.message;
   }
-  const LoopAnswer answer = ask(loop, RequestKind::kGetState);
+  const LoopAnswer answer = ask(*loop_, RequestKind::kGetState);
   EXPECT_GT(answer.sample.time, 0);
   EXPECT_LT(answer.sample.time, 1000000000000);
-  EXPECT_EQ(ask(loop, RequestKind::kResume).result, RequestResult::kDone);
-  loop.stop();
+  EXPECT_EQ(ask(*loop_, RequestKind::kResume).result, RequestResult::kDone);
+  loop_->stop();
   stepping.join();
 }
 
-TEST(SteppingLoop, ServesRequestsWhileItIsPrepared) {
-  SteadyClock clock;
-  NodeSettings settings;
-  SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
-  loop.beginPreparation();
-  std::thread stepping([&loop] { loop.run(); });
+TEST_F(SteadyLoop, ServesRequestsWhileItIsPrepared) {
+  make(kScene);
+  loop_->beginPreparation();
+  std::thread stepping([this] { loop_->run(); });
   LoopSnapshot snapshot;
-  while (!loop.popSnapshot(snapshot)) std::this_thread::yield();
+  while (!loop_->popSnapshot(snapshot)) std::this_thread::yield();
   EXPECT_TRUE(snapshot.is_preparing);
-  EXPECT_EQ(ask(loop, RequestKind::kGetState).sample.time, 0);
-  EXPECT_EQ(ask(loop, RequestKind::kStep, kMs).result, RequestResult::kNotPaused);
-  EXPECT_EQ(ask(loop, RequestKind::kPause).result, RequestResult::kDone);
-  EXPECT_EQ(ask(loop, RequestKind::kStep, kMs).sample.time, kMs);
-  EXPECT_EQ(ask(loop, RequestKind::kReset).result, RequestResult::kDone);
-  EXPECT_EQ(ask(loop, RequestKind::kResume).result, RequestResult::kDone);
-  const std::int64_t held = ask(loop, RequestKind::kGetState).sample.time;
+  EXPECT_EQ(ask(*loop_, RequestKind::kGetState).sample.time, 0);
+  EXPECT_EQ(ask(*loop_, RequestKind::kStep, kMs).result, RequestResult::kNotPaused);
+  EXPECT_EQ(ask(*loop_, RequestKind::kPause).result, RequestResult::kDone);
+  EXPECT_EQ(ask(*loop_, RequestKind::kStep, kMs).sample.time, kMs);
+  EXPECT_EQ(ask(*loop_, RequestKind::kReset).result, RequestResult::kDone);
+  EXPECT_EQ(ask(*loop_, RequestKind::kResume).result, RequestResult::kDone);
+  const std::int64_t held = ask(*loop_, RequestKind::kGetState).sample.time;
   EXPECT_EQ(held, kMs);  // a reset takes the motion back, and not the time
-  EXPECT_EQ(ask(loop, RequestKind::kGetState).sample.time, held);
-  loop.endPreparation();
+  EXPECT_EQ(ask(*loop_, RequestKind::kGetState).sample.time, held);
+  loop_->endPreparation();
   while (snapshot.is_preparing || snapshot.time <= held) {
-    if (!loop.popSnapshot(snapshot)) std::this_thread::yield();
+    if (!loop_->popSnapshot(snapshot)) std::this_thread::yield();
   }
-  loop.stop();
+  loop_->stop();
   stepping.join();
 }
 
