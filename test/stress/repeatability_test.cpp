@@ -1,20 +1,10 @@
 // Repeatability: the same scene and the same commands at the same times give the same bytes,
 // however a run is sampled, cut, asked, moved, reset, interleaved with others or put beside them in
 // another thread. Sleeping alone may change a motion, within its bound.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstdint>
-#include <cstring>
-#include <functional>
-#include <string>
 #include <thread>
-#include <utility>
-#include <vector>
 
-#include "stress/hazard.h"
 #include "stress/known_motion.h"
+#include "stress/random.h"
 
 namespace variator_sim::test {
 namespace {
@@ -33,26 +23,14 @@ std::vector<Play> plays() {
   const auto motorized = [](const std::string& hold, const std::string& constraint,
                             const std::string& principle) {
     return sceneFromText(
-        "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2.0}\ntorques: [m, p]\n"
-        "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u, " +
-        hold +
-        "}\np: {type: variator_sim/ExpressionTorque, shaft: b, torque: "
-        "\"-0.02*w2*abs(w2)-0.1*w2\"}\n"
-        "constraints: [v]\nv: " +
-        constraint + "\nprinciple: " + principle +
-        "\ninitial: {velocity: [5, 3], project: true}\n");
+        "a 0.8, b 2.0", {"m on a from u, " + hold, "p on b: -0.02*w2*abs(w2)-0.1*w2", constraint},
+        "principle: " + principle + "\ninitial: {velocity: [5, 3], project: true}");
   };
   const std::string nonlinear =
-      "{type: variator_sim/ExpressionConstraint, order: 2, expression: "
-      "\"0.2*(e2-(0.6+0.2*sin(0.7*t))*e1)*(1+0.05*(e1^2+e2^2))+w2-(0.6+0.2*sin(0.7*t))*w1\"}";
-  const std::string steady =
-      "{type: variator_sim/ExpressionConstraint, order: 2, expression: "
-      "\"0.2*(e2-0.6*e1)*(1+0.05*e2^2)+w2-0.6*w1\"}";
-  const std::string slip =
-      "{type: variator_sim/SlipRatio, shafts: [a, b], time_constant: 0.1, ratio: 0.5}";
-  const std::string third =
-      "{type: variator_sim/ExpressionConstraint, order: 3, expression: "
-      "\"0.04*(j2-0.5*j1)+0.4*(e2-0.5*e1)+w2-(0.5+0.1*sin(t))*w1\"}";
+      "v: 0.2*(e2-(0.6+0.2*sin(0.7*t))*e1)*(1+0.05*(e1^2+e2^2))+w2-(0.6+0.2*sin(0.7*t))*w1";
+  const std::string steady = "v: 0.2*(e2-0.6*e1)*(1+0.05*e2^2)+w2-0.6*w1";
+  const std::string slip = "v = SlipRatio, shafts: [a, b], time_constant: 0.1, ratio: 0.5";
+  const std::string third = "v of order 3: 0.04*(j2-0.5*j1)+0.4*(e2-0.5*e1)+w2-(0.5+0.1*sin(t))*w1";
   const std::vector<TimedCommand> steps = {
       {0.0, 0, 2.0}, {0.25, 0, 7.0}, {0.3, 0, -1.0}, {1.0, 0, -1.0}, {1.1, 0, 4.0}};
   std::vector<Play> list;
@@ -99,27 +77,17 @@ std::vector<Play> plays() {
     list.push_back({"J(phi), order 1" + end, turning.scene(), {}});
     list.push_back(
         {"three shafts, two constraints" + end,
-         sceneFromText(
-             "shafts: [a, b, c]\na: {inertia: 0.5}\nb: {inertia: 1.5}\nc: {inertia: 2}\n"
-             "inertia_coupling: [[a, b, 0.1]]\ntorques: [m, k, q]\n"
-             "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u, hold: second_order_lag, "
-             "time_constant: 0.05}\n"
-             "k: {type: variator_sim/ElasticCoupling, shafts: [b, c], stiffness: 300, damping: 1}\n"
-             "q: {type: variator_sim/ExpressionTorque, shaft: c, torque: \"2*sin(t)-0.4*w3\"}\n"
-             "constraints: [v, w]\n"
-             "v: {type: variator_sim/ExpressionConstraint, order: 1, expression: "
-             "\"w2-(0.5+0.1*sin(t))*w1\"}\n"
-             "w: {type: variator_sim/ExpressionConstraint, order: 2, expression: "
-             "\"0.3*(e3-0.8*e2)+w3-0.8*w2+0.01*w1*w3\"}\n"
-             "principle: " +
-             std::string(principle) + "\ninitial: {velocity: [2, 1, 0.8], project: true}\n"),
+         sceneFromText("a 0.5, b 1.5, c 2",
+                       {"m on a from u, hold: second_order_lag, time_constant: 0.05",
+                        "k = ElasticCoupling, shafts: [b, c], stiffness: 300, damping: 1",
+                        "q on c: 2*sin(t)-0.4*w3", "v of order 1: w2-(0.5+0.1*sin(t))*w1",
+                        "w: 0.3*(e3-0.8*e2)+w3-0.8*w2+0.01*w1*w3"},
+                       "inertia_coupling: [[a, b, 0.1]]\nprinciple: " + std::string(principle) +
+                           "\ninitial: {velocity: [2, 1, 0.8], project: true}"),
          steps});
     // the rows of C become dependent when t = 1.37
     list.push_back({"stops" + end,
-                    motorized("hold: zero_order",
-                              "{type: variator_sim/ExpressionConstraint, order: 2, expression: "
-                              "\"(1.37-t)*(e2-0.5*e1)+w2-0.5*w1\"}",
-                              principle),
+                    motorized("hold: zero_order", "v: (1.37-t)*(e2-0.5*e1)+w2-0.5*w1", principle),
                     steps});
   }
   return list;
@@ -138,13 +106,6 @@ struct Record {
   MotionStatus status;
   std::uint64_t steps = 0;
 };
-
-std::uint64_t mix(std::uint64_t z) {  // splitmix64
-  z += 0x9e3779b97f4a7c15u;
-  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-  z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-  return z ^ (z >> 31);
-}
 
 /// Drives a simulation through a play, with `between(simulation, from, to)` called for every
 /// stretch between two commands or records, before its end is reached.
@@ -271,11 +232,8 @@ TEST(Repeatability, SamplingAndCutting) {
                      kNone);
     }
     for (std::uint64_t seed = 1; seed <= sizeOf<std::uint64_t>(2, 20); ++seed) {
-      std::uint64_t state = seed;
-      const auto draw = [&] {
-        state = mix(state);
-        return static_cast<double>(state >> 11) * 0x1p-53;
-      };
+      Random random(seed);
+      const auto draw = [&] { return random.between(0.0, 1.0); };
       const Record cut = playThrough(play, [&](Simulation& simulation, double from, double to) {
         for (int n = 0; n < 8; ++n) {
           // somewhere, or just beyond or before where it is: nothing moves backwards
@@ -335,6 +293,10 @@ TEST(Repeatability, Reset) {
     hazard.judge(countDifferences(playThrough(play, simulation), reference), label + ", unused",
                  kNone);
     simulation.reset();
+    EXPECT_EQ(simulation.time(), 0.0) << label;
+    EXPECT_EQ(simulation.statistics().steps, 0u) << label;
+    EXPECT_EQ(simulation.statistics().sleeps, 0u) << label;
+    EXPECT_FALSE(simulation.isSleeping()) << label;
     hazard.judge(countDifferences(playThrough(play, simulation), reference), label + ", finished",
                  kNone);
     for (double part : isLongForm() ? std::vector<double>{0.03, 0.14, 0.41, 0.77}
@@ -457,20 +419,15 @@ TEST(Repeatability, Sleep) {
   for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
     for (int order : {1, 2, 3}) {
       for (double damping : {0.3, 3.0}) {
-        Scene scene = sceneFromText(
-            "shafts: [a, b]\na: {inertia: 0.8}\nb: {inertia: 2.0}\ntorques: [m, p]\n"
-            "m: {type: variator_sim/CommandedTorque, shaft: a, topic: u, hold: first_order_lag, "
-            "time_constant: 0.1}\n"
-            "p: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"-0.02*w2*abs(w2)-" +
-            text(damping) +
-            "*w2\"}\nconstraints: [v]\n"
-            "v: {type: variator_sim/ExpressionConstraint, order: " +
-            std::to_string(order) + ", expression: \"" +
-            (order == 1   ? "w2-0.5*w1-0.01*w1*w2"
-             : order == 2 ? "0.2*(e2-0.5*e1)+w2-0.5*w1-0.01*w1*w2"
-                          : "0.04*(j2-0.5*j1)+0.4*(e2-0.5*e1)+w2-0.5*w1") +
-            "\"}\nprinciple: " + toString(principle) +
-            "\ninitial: {velocity: [2, 1], project: true}\n");
+        const char* const psi[] = {"w2-0.5*w1-0.01*w1*w2", "0.2*(e2-0.5*e1)+w2-0.5*w1-0.01*w1*w2",
+                                   "0.04*(j2-0.5*j1)+0.4*(e2-0.5*e1)+w2-0.5*w1"};
+        const Scene scene =
+            sceneFromText("a 0.8, b 2.0",
+                          {"m on a from u, hold: first_order_lag, time_constant: 0.1",
+                           "p on b: -0.02*w2*abs(w2)-" + text(damping) + "*w2",
+                           "v" + ofOrder(order, psi[order - 1])},
+                          std::string("principle: ") + toString(principle) +
+                              "\ninitial: {velocity: [2, 1], project: true}");
         const std::vector<TimedCommand> commands = {
             {0.0, 0, 3.0}, {200.0, 0, 4.0}, {200.5, 0, 2.0}, {500.0, 0, 0.0}};
         const std::vector<double> times = evenly(700.0, 70);

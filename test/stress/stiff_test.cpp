@@ -1,14 +1,5 @@
 // Stiffness: slip time constants, regularized friction and elastic couplings far faster than the
 // motion they are part of. Every reference is an exact solution.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <string>
-#include <vector>
-
-#include "stress/hazard.h"
 #include "stress/known_motion.h"
 
 namespace variator_sim::test {
@@ -25,7 +16,7 @@ Scene limited(Scene scene) {
 
 std::vector<double> timeConstants() {
   std::vector<double> taus;
-  for (double exponent = -1.0; exponent > -9.1; exponent -= sizeOf(4.0, 0.5)) {
+  for (double exponent = -1.0; exponent > -9.1; exponent -= sizeOf(2.0, 0.5)) {
     taus.push_back(std::pow(10.0, exponent));
   }
   return taus;
@@ -39,20 +30,11 @@ std::vector<double> tolerances() {
 /// Scenes in which tau is varied, on the slow motion.
 std::vector<KnownMotion> slipScenes() {
   std::vector<KnownMotion> scenes;
-  for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
-    for (int order : {2, 3}) {
-      for (bool nonlinear : {false, true}) {
-        if (order == 3 && nonlinear) continue;
-        for (double harmonic : {0.0, 0.3}) {
-          if (!isLongForm() && harmonic != 0.0 && (nonlinear || order == 3)) continue;
-          KnownMotion motion;
-          motion.principle = principle;
-          motion.order = order;
-          motion.nonlinear = nonlinear;
-          motion.harmonic = harmonic;
-          scenes.push_back(motion);
-        }
-      }
+  for (KnownMotion motion : knownMotions({2, 3}, true)) {
+    for (double harmonic : {0.0, 0.3}) {
+      if (!isLongForm() && harmonic != 0.0 && (motion.nonlinear || motion.order == 3)) continue;
+      motion.harmonic = harmonic;
+      scenes.push_back(motion);
     }
   }
   return scenes;
@@ -84,48 +66,42 @@ TEST(Stiffness, TransientOfAStiffVariator) {
   Hazard hazard("stiffness", "slip time constant, transient", "1e-1 .. 1e-9 s");
   Hazard accelerations("stiffness", "slip time constant, transient: accelerations",
                        "1e-1 .. 1e-9 s");
-  for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
-    for (int order : {2, 3}) {
-      for (double coupling : {0.0, 0.3}) {
-        for (double tau : timeConstants()) {
-          KnownMotion motion;
-          motion.principle = principle;
-          motion.order = order;
-          motion.coupling = coupling;
-          motion.swing = 0.0;
-          motion.slip = 0.5;
-          motion.time_constant = tau;
-          const Scene scene = limited(motion.scene());
-          const std::vector<double> early = {0.1 * tau, 0.7 * tau, 3.0 * tau, 10.0 * tau,
-                                             30.0 * tau};
-          std::vector<double> times = early;
-          for (double time : evenly(kEnd, 4)) {
-            if (time > 60.0 * tau) times.push_back(time);
+  for (KnownMotion motion : knownMotions({2, 3}, false)) {
+    for (double coupling : {0.0, 0.3}) {
+      for (double tau : timeConstants()) {
+        motion.coupling = coupling;
+        motion.swing = 0.0;
+        motion.slip = 0.5;
+        motion.time_constant = tau;
+        const Scene scene = limited(motion.scene());
+        const std::vector<double> early = {0.1 * tau, 0.7 * tau, 3.0 * tau, 10.0 * tau, 30.0 * tau};
+        std::vector<double> times = early;
+        for (double time : evenly(kEnd, 4)) {
+          if (time > 60.0 * tau) times.push_back(time);
+        }
+        const auto exact = motion.exact(times);
+        for (const Method& method : methodsOf(scene, tolerances())) {
+          const std::string label = motion.label() + ", " + method.name;
+          const auto run = play(method.scene, times);
+          // If accelerations are a state and begin with slip / tau, one rounding of that stays in
+          // the null-space part of C and is integrated into the velocities.
+          const double rounding = motion.principle == Principle::kGauss
+                                      ? 0.0
+                                      : std::numeric_limits<double>::epsilon() * motion.slip / tau *
+                                            kEnd / method.tolerance;
+          const double allowed = kAllowed + rounding;
+          compareApart(hazard, accelerations, run, exact, method.scene, label, allowed);
+          if (run.samples.size() <= early.size() || times.size() == early.size()) continue;
+          test::Run later;
+          test::Run exact_later;
+          for (std::size_t n = early.size(); n < run.samples.size(); ++n) {
+            later.samples.push_back(run.samples[n]);
+            exact_later.samples.push_back(exact.samples[n]);
           }
-          const auto exact = motion.exact(times);
-          for (const Method& method : methodsOf(scene, tolerances())) {
-            const std::string label = motion.label() + ", " + method.name;
-            const auto run = play(method.scene, times);
-            // If accelerations are a state and begin with slip / tau, one rounding of that stays in
-            // the null-space part of C and is integrated into the velocities.
-            const double rounding = principle == Principle::kGauss
-                                        ? 0.0
-                                        : std::numeric_limits<double>::epsilon() * motion.slip /
-                                              tau * kEnd / method.tolerance;
-            const double allowed = kAllowed + rounding;
-            compareApart(hazard, accelerations, run, exact, method.scene, label, allowed);
-            if (run.samples.size() <= early.size() || times.size() == early.size()) continue;
-            test::Run later;
-            test::Run exact_later;
-            for (std::size_t n = early.size(); n < run.samples.size(); ++n) {
-              later.samples.push_back(run.samples[n]);
-              exact_later.samples.push_back(exact.samples[n]);
-            }
-            // Steps in the transient may err by tolerance * slip / tau in an acceleration. That
-            // is along J^-1 (-u, 1), as C is constant, and decays like the slip itself.
-            compareApart(hazard, accelerations, later, exact_later, method.scene,
-                         label + ", after the transient", allowed);
-          }
+          // Steps in the transient may err by tolerance * slip / tau in an acceleration. That
+          // is along J^-1 (-u, 1), as C is constant, and decays like the slip itself.
+          compareApart(hazard, accelerations, later, exact_later, method.scene,
+                       label + ", after the transient", allowed);
         }
       }
     }
@@ -181,28 +157,19 @@ class FrictionStop {
 
 /// A shaft that friction brings to rest against a motor, alone or with a second one geared to it
 /// (`order` 0: alone; w2 = 0.5 w1 otherwise), which has the friction.
-std::string frictionScene(int order, Principle principle, double speed) {
+Scene frictionScene(int order, Principle principle, double speed) {
   const std::string friction =
-      "{type: variator_sim/Friction, coulomb: 2, regularization_speed: " + plainly(speed) +
-      ", shaft: ";
-  std::string yaml;
+      "f = Friction, coulomb: 2, regularization_speed: " + plainly(speed) + ", shaft: ";
+  const std::string end = std::string("}\nprinciple: ") + toString(principle);
   if (order == 0) {
-    yaml = "shafts: [a]\na: {inertia: 1.5}\ntorques: [m, f]\nf: " + friction +
-           "a}\nconstraints: []\ninitial: {velocity: [1]}\n";
-  } else {
-    const std::string psi = order == 1 ? "w2-0.5*w1" : order == 2 ? "e2-0.5*e1" : "j2-0.5*j1";
-    yaml = "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [m, f]\nf: " + friction +
-           "b}\nconstraints: [g]\ng: {type: variator_sim/ExpressionConstraint, order: " +
-           std::to_string(order) + ", expression: \"" + psi + "\"}\ninitial: {velocity: [1, 0.5]";
-    // Order 3 does not say what the accelerations are: those of the gear.
-    if (order == 3) {
-      const double a = (0.25 - 1.0 * std::tanh(0.5 / speed)) / 1.5;
-      yaml += ", acceleration: [" + plainly(a) + ", " + plainly(0.5 * a) + "]";
-    }
-    yaml += "}\n";
+    return sceneFromText("a 1.5", {"m on a: 0.5", friction + "a"}, "initial: {velocity: [1]" + end);
   }
-  return yaml + "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: " +
-         (order == 0 ? "0.5" : "0.25") + "}\nprinciple: " + toString(principle) + "\n";
+  // Order 3 does not say what the accelerations are: those of the gear.
+  const double a = (0.25 - 1.0 * std::tanh(0.5 / speed)) / 1.5;
+  return sceneFromText("a 1, b 2",
+                       {"m on a: 0.25", friction + "b", "g" + ofOrder(order, "_2-0.5*_1")},
+                       "initial: {velocity: [1, 0.5]" +
+                           (order == 3 ? ", acceleration: " + list({a, 0.5 * a}) : "") + end);
 }
 
 /// The exact solution is of velocities.
@@ -238,7 +205,7 @@ TEST(Stiffness, FrictionStopsAShaft) {
         sample.acceleration[1] = 0.5 * sample.acceleration[0];
       });
       for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
-        const Scene scene = limited(sceneFromText(frictionScene(order, principle, speed)));
+        const Scene scene = limited(frictionScene(order, principle, speed));
         for (const Method& method : methodsOf(scene, tolerances())) {
           const std::string label = "order " + std::to_string(order) + ", " + toString(principle) +
                                     ", slope " + text(2.0 / speed) + ", " + method.name;
