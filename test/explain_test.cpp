@@ -3,10 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fstream>
 #include <map>
 #include <random>
-#include <sstream>
 
 #include "expression/term_maker.h"
 #include "tools/scene_equations.h"
@@ -259,17 +257,6 @@ TEST(ExplainedScene, IsBalancedLatex) {
   EXPECT_EQ(count("\\left("), count("\\right)"));
   EXPECT_EQ(count("\\begin{"), count("\\end{"));
   EXPECT_NE(latex.find("\\section*{a\\_scene}"), std::string::npos);
-}
-
-/// doc/explained_ship.txt is what `simulate --explain` prints.
-TEST(ExplainedScene, IsTheShipOfTheDocumentation) {
-  const std::string root = std::string(VARIATOR_SIM_TEST_DIR) + "/..";
-  BuiltinComponentFactory factory;
-  const Simulation ship(readScene(readYamlFile(root + "/config/ship.yaml"), factory));
-  std::ifstream file(root + "/doc/explained_ship.txt");
-  std::stringstream golden;
-  golden << file.rdbuf();
-  EXPECT_EQ(layOutText(writeEquations(ship), "config/ship.yaml"), golden.str());
 }
 
 }  // namespace

@@ -98,8 +98,3 @@ TEST(Health, CountsAfterAResetBeginAtZero) {
 
 }  // namespace
 }  // namespace variator_sim
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}

@@ -34,6 +34,13 @@ bool areSame(const Sample& a, const Sample& b, int shafts) {
          same(a.reaction_torque, b.reaction_torque);
 }
 
+std::vector<Command> later(std::vector<Command> commands, double time) {
+  commands.erase(std::remove_if(commands.begin(), commands.end(),
+                                [time](const Command& it) { return it.time <= time; }),
+                 commands.end());
+  return commands;
+}
+
 /// Moves on to `end` under the commands from its present on; all samples on the way.
 std::vector<Sample> run(Simulation& simulation, const std::vector<Command>& commands, double end) {
   std::vector<Sample> samples;
@@ -92,13 +99,9 @@ TEST_P(SavedStates, GoOnToTheBit) {
   const Case& parameters = GetParam();
   for (const double save_at : parameters.save_at) {
     SCOPED_TRACE(save_at);
+    const std::vector<Command> after = later(parameters.commands, save_at);
     Simulation saved(scene());
-    std::vector<Command> before;
-    std::vector<Command> after;
-    for (const Command& command : parameters.commands) {
-      (command.time <= save_at ? before : after).push_back(command);
-    }
-    if (save_at > 0.0) run(saved, before, save_at);
+    if (save_at > 0.0) run(saved, parameters.commands, save_at);
     MotionState state;
     ASSERT_TRUE(saved.saveState(&state)) << saved.describeStatus();
     const Scene same = scene();
@@ -126,11 +129,7 @@ TEST_P(SavedStates, AreNotProjectedWhereTheyAreConsistent) {
   const Case& parameters = GetParam();
   const double save_at = parameters.save_at.front();
   Simulation saved(scene());
-  std::vector<Command> before;
-  for (const Command& command : parameters.commands) {
-    if (command.time <= save_at) before.push_back(command);
-  }
-  if (save_at > 0.0) run(saved, before, save_at);
+  if (save_at > 0.0) run(saved, parameters.commands, save_at);
   MotionState state;
   ASSERT_TRUE(saved.saveState(&state)) << saved.describeStatus();
   Simulation restored(strangerOf(scene()));
@@ -147,15 +146,11 @@ TEST_P(SavedStates, DisturbTheMotionWithinTheTolerance) {
   const Case& parameters = GetParam();
   for (const double save_at : parameters.save_at) {
     SCOPED_TRACE(save_at);
+    const std::vector<Command> after = later(parameters.commands, save_at);
     Simulation plain(scene());
     Simulation saved(scene());
-    std::vector<Command> before;
-    std::vector<Command> after;
-    for (const Command& command : parameters.commands) {
-      (command.time <= save_at ? before : after).push_back(command);
-    }
     for (Simulation* simulation : {&plain, &saved}) {
-      if (save_at > 0.0) run(*simulation, before, save_at);
+      if (save_at > 0.0) run(*simulation, parameters.commands, save_at);
     }
     MotionState state;
     ASSERT_TRUE(saved.saveState(&state));

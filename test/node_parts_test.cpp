@@ -1,23 +1,16 @@
 // The node's parts that need no master: parameters, their text, plugins.
-#include <gtest/gtest.h>
 
-#include <cmath>
-#include <cstdint>
-#include <cstring>
-#include <limits>
 #include <pluginlib/class_loader.hpp>
-#include <string>
-#include <vector>
 
 #include "ros/checked_lists.h"
 #include "ros/message_conversion.h"
 #include "ros/node_settings.h"
 #include "ros/plugin_loader.h"
 #include "ros/xmlrpc_tree.h"
+#include "support/faults.h"
 #include "support/scenes.h"
 #include "variator_sim/constraint.h"
 #include "variator_sim/io/yaml_text.h"
-#include "variator_sim/node_names.h"
 #include "variator_sim/torque.h"
 
 namespace variator_sim {
@@ -51,16 +44,6 @@ bool equal(const ParameterTree& a, const ParameterTree& b) {
       return true;
   }
   return false;
-}
-
-template <class Action>
-std::string messageOf(Action action) {
-  try {
-    action();
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-  return "nothing was thrown";
 }
 
 TEST(YamlText, ReadsBackToTheSameTree) {
@@ -112,7 +95,7 @@ TEST(XmlRpcTree, RefusesBinaryDataByItsPath) {
   XmlRpc::XmlRpcValue value;
   value["motor"]["table"][0] = 1;
   value["motor"]["table"][1] = XmlRpc::XmlRpcValue(data, 3);
-  EXPECT_EQ(messageOf([&] { toParameterTree(value); }).rfind("motor/table[1]: ", 0), 0u);
+  EXPECT_EQ(test::messageOf([&] { toParameterTree(value); }).rfind("motor/table[1]: ", 0), 0u);
 }
 
 NodeSettings settingsFrom(const std::string& yaml) {
@@ -195,7 +178,7 @@ TEST(NodeSettings, NameTheKeyThatIsWrong) {
       {"realtime_priority: -1", "realtime_priority: "},
       {"realtime_priority: 1.5", "realtime_priority: "}};
   for (const auto& [yaml, start] : cases) {
-    const std::string message = messageOf([&, text = yaml] { settingsFrom(text); });
+    const std::string message = test::messageOf([&, text = yaml] { settingsFrom(text); });
     EXPECT_EQ(message.rfind(start, 0), 0u) << yaml << " gave: " << message;
   }
 }
@@ -297,8 +280,3 @@ TEST(Messages, ListsAreAsLongAsTheirBytesAllow) {
 
 }  // namespace
 }  // namespace variator_sim
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}

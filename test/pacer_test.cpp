@@ -41,10 +41,23 @@ void waitForTick(Pacer& pacer) {
   }
 }
 
+Pacer anchored(PacingClock& clock, double period) {
+  Pacer pacer(clock, period);
+  pacer.anchor();
+  return pacer;
+}
+
+/// Every tenth tick of a ms has a sample.
+SampleSchedule samplesOf(const Pacer& pacer, PacingClock& clock) {
+  SampleSchedule samples;
+  samples.setRate(100.0, 1000.0);
+  samples.countFrom(pacer, clock.now());
+  return samples;
+}
+
 TEST(Pacer, TicksStandAtAbsoluteDeadlines) {
   ManualClock clock;
-  Pacer pacer(clock, 1e9 / 3.0);
-  pacer.anchor();
+  Pacer pacer = anchored(clock, 1e9 / 3.0);
   const std::int64_t start = clock.now();
   for (std::int64_t n = 1; n <= 3000; ++n) {
     waitForTick(pacer);
@@ -59,8 +72,7 @@ TEST(Pacer, TicksStandAtAbsoluteDeadlines) {
 TEST(Pacer, LateWakingDelaysNoLaterTick) {
   ManualClock clock;
   clock.oversleep_ = 130000;
-  Pacer pacer(clock, 1e6);
-  pacer.anchor();
+  Pacer pacer = anchored(clock, 1e6);
   const std::int64_t start = clock.now();
   for (int n = 1; n <= 1000; ++n) {
     waitForTick(pacer);
@@ -72,8 +84,7 @@ TEST(Pacer, LateWakingDelaysNoLaterTick) {
 
 TEST(Pacer, CatchesUpAfterAStallWithoutSleeping) {
   ManualClock clock;
-  Pacer pacer(clock, 1e6);
-  pacer.anchor();
+  Pacer pacer = anchored(clock, 1e6);
   const std::int64_t start = clock.now();
   waitForTick(pacer);
   clock.pass(10 * kMillisecond);
@@ -90,8 +101,7 @@ TEST(Pacer, CatchesUpAfterAStallWithoutSleeping) {
 
 TEST(Pacer, GivesUpWallTimeInsteadOfALongBurst) {
   ManualClock clock;
-  Pacer pacer(clock, 1e6);
-  pacer.anchor();
+  Pacer pacer = anchored(clock, 1e6);
   waitForTick(pacer);
   clock.pass(10000 * kMillisecond);
   const std::int64_t resumed = clock.now();
@@ -109,8 +119,7 @@ TEST(Pacer, GivesUpWallTimeInsteadOfALongBurst) {
 
 TEST(Pacer, TicksTooHeavyForTheirRateFallBehindBounded) {
   ManualClock clock;
-  Pacer pacer(clock, 1e6);
-  pacer.anchor();
+  Pacer pacer = anchored(clock, 1e6);
   for (int n = 0; n < 10000; ++n) {
     waitForTick(pacer);
     clock.pass(2 * kMillisecond);
@@ -122,11 +131,8 @@ TEST(Pacer, TicksTooHeavyForTheirRateFallBehindBounded) {
 // Ten ticks take 50 ms where each takes 5 ms: once time is lost, samples come between them.
 TEST(SampleSchedule, OverloadedItKeepsHalfItsRate) {
   ManualClock clock;
-  Pacer pacer(clock, 1e6);
-  pacer.anchor();
-  SampleSchedule samples;
-  samples.setRate(100.0, 1000.0);
-  samples.countFrom(pacer, clock.now());
+  Pacer pacer = anchored(clock, 1e6);
+  SampleSchedule samples = samplesOf(pacer, clock);
   int count = 0;
   for (int n = 0; n < 1100; ++n) {
     waitForTick(pacer);
@@ -137,39 +143,23 @@ TEST(SampleSchedule, OverloadedItKeepsHalfItsRate) {
   EXPECT_LE(count, 500);
 }
 
-TEST(SampleSchedule, ALateTickMakesNoFurtherSample) {
-  ManualClock clock;
-  Pacer pacer(clock, 1e6);
-  pacer.anchor();
-  SampleSchedule samples;
-  samples.setRate(100.0, 1000.0);
-  samples.countFrom(pacer, clock.now());
-  for (int n = 1; n <= 100; ++n) {
-    if (n % 10 == 5) clock.pass(9 * kMillisecond);
-    waitForTick(pacer);
-    EXPECT_EQ(samples.isDue(pacer), n % 10 == 0) << n;
-  }
-}
-
 // A burst of late ticks has the samples that it would have had in time, and no other ones.
-TEST(SampleSchedule, TicksThatAreCaughtUpMakeNoFurtherSample) {
-  ManualClock clock;
-  Pacer pacer(clock, 1e6);
-  pacer.anchor();
-  SampleSchedule samples;
-  samples.setRate(100.0, 1000.0);
-  samples.countFrom(pacer, clock.now());
-  for (int n = 1; n <= 1000; ++n) {
-    if (n % 300 == 5) clock.pass(240 * kMillisecond);
-    waitForTick(pacer);
-    EXPECT_EQ(samples.isDue(pacer), n % 10 == 0) << n;
+TEST(SampleSchedule, LateTicksMakeNoFurtherSamples) {
+  for (const auto& [interval, stall] : {std::pair{10, 9}, std::pair{300, 240}}) {
+    ManualClock clock;
+    Pacer pacer = anchored(clock, 1e6);
+    SampleSchedule samples = samplesOf(pacer, clock);
+    for (int n = 1; n <= 1000; ++n) {
+      if (n % interval == 5) clock.pass(stall * kMillisecond);
+      waitForTick(pacer);
+      EXPECT_EQ(samples.isDue(pacer), n % 10 == 0) << n << ", " << stall << " ms late";
+    }
   }
 }
 
 TEST(Pacer, ANewPeriodCountsFromNow) {
   ManualClock clock;
-  Pacer pacer(clock, 1e6);
-  pacer.anchor();
+  Pacer pacer = anchored(clock, 1e6);
   for (int n = 0; n < 5000; ++n) waitForTick(pacer);
   const std::int64_t start = clock.now();
   pacer.setPeriod(1e5);
@@ -183,8 +173,7 @@ TEST(Pacer, ANewPeriodCountsFromNow) {
 // Lateness at a change of the period is neither caught up nor hidden.
 TEST(Pacer, ANewPeriodCountsTheBacklogAsLost) {
   ManualClock clock;
-  Pacer pacer(clock, 1e6);
-  pacer.anchor();
+  Pacer pacer = anchored(clock, 1e6);
   waitForTick(pacer);
   clock.pass(100 * kMillisecond);
   pacer.setPeriod(1e5);
@@ -196,8 +185,7 @@ TEST(Pacer, ANewPeriodCountsTheBacklogAsLost) {
 
 TEST(Pacer, PassesOverTicksAndKeepsTheirGrid) {
   ManualClock clock;
-  Pacer pacer(clock, 1e9 / 3.0);
-  pacer.anchor();
+  Pacer pacer = anchored(clock, 1e9 / 3.0);
   const std::int64_t start = clock.now();
   EXPECT_EQ(pacer.lastDueTick(), 0);
   for (std::int64_t n = 1; n < 3000; n += 7) {
@@ -219,8 +207,7 @@ TEST(Pacer, PassesOverTicksAndKeepsTheirGrid) {
 
 TEST(Pacer, UnpacedNeverSleeps) {
   ManualClock clock;
-  Pacer pacer(clock, 0.0);
-  pacer.anchor();
+  Pacer pacer = anchored(clock, 0.0);
   for (int n = 0; n < 1000; ++n) {
     ASSERT_TRUE(pacer.waitForTick());
     clock.pass(3 * kMillisecond);
@@ -232,8 +219,7 @@ TEST(Pacer, UnpacedNeverSleeps) {
 
 TEST(Pacer, ASlowTickIsWaitedForInShortSleeps) {
   ManualClock clock;
-  Pacer pacer(clock, 10e9);
-  pacer.anchor();
+  Pacer pacer = anchored(clock, 10e9);
   int calls = 1;
   while (!pacer.waitForTick()) ++calls;
   EXPECT_EQ(calls, 500);
@@ -385,8 +371,3 @@ TEST(SampleRing, NeverShowsATornEntry) {
 
 }  // namespace
 }  // namespace variator_sim
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}

@@ -110,8 +110,3 @@ TEST_F(PollThread, RefusesADescriptorTwice) {
 
 }  // namespace
 }  // namespace variator_sim
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}
