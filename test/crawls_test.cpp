@@ -1,14 +1,7 @@
 // Motions that crawled: each has a slow motion that some stepper follows in a few steps. `auto`
 // takes at most three times as many as the best stepper by name, and none takes thousands.
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
 #include <cstddef>
-#include <cstdint>
-#include <sstream>
-#include <string>
-#include <vector>
 
 #include "support/clutch.h"
 #include "support/scenes.h"
@@ -61,16 +54,25 @@ Played expectNoCrawl(const std::string& yaml, double end) {
   return chosen;
 }
 
+Scene application(const std::string& name) {
+  return test::sceneFromFile(VARIATOR_SIM_TEST_DIR "/../config/applications/" + name + ".yaml");
+}
+
+void command(Simulation& simulation, const std::string& topic, double value) {
+  const Scene& scene = simulation.scene();
+  for (int i = 0; i < scene.inputCount(); ++i) {
+    if (scene.inputs[static_cast<std::size_t>(i)].topic == topic) simulation.command(i, value);
+  }
+}
+
 const std::vector<std::string> kWidths{"1e-2", "1e-3", "1e-4", "1e-5", "1e-6", "1e-7"};
 const std::vector<std::string> kPrinciples{"gauss", "generalized_gauss"};
 
 std::string shaft(const std::string& inertia, const std::string& torque, double velocity,
                   const std::string& principle) {
-  std::ostringstream text;
-  text << "shafts: [a]\na: {inertia: " << inertia << "}\ntorques: [q]\n"
-       << "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" << torque << "\"}\n"
-       << "initial: {velocity: [" << velocity << "]}\nprinciple: " << principle << "\n";
-  return text.str();
+  return test::sceneText(
+      "a " + inertia, {"q on a: " + torque},
+      "initial: {velocity: " + test::list({velocity}) + "}\nprinciple: " + principle);
 }
 
 // Rest in a layer of friction, whatever stands beside it: an edge that rounding crosses again and
@@ -109,19 +111,13 @@ TEST(Crawls, AShaftThatASlowTorqueDrives) {
 TEST(Crawls, AMassThatSticksToABelt) {
   for (const std::string& w0 : kWidths) {
     for (const char* const stribeck : {"", ", static: 2, stribeck_speed: 0.05"}) {
-      const std::string scene = R"yaml(
-shafts: [belt, mass]
-belt: {inertia: 1}
-mass: {inertia: 1}
-torques: [spring, friction]
-spring: {type: variator_sim/ExpressionTorque, shaft: mass, torque: "-phi_mass"}
-friction: {type: variator_sim/Friction, shafts: [belt, mass], coulomb: 1.5, regularization_speed: )yaml" +
-                                w0 + stribeck + R"yaml(}
-constraints: [drive]
-drive: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w_belt - 0.2"}
-principle: gauss
-initial: {velocity: [0.2, 0.2]}
-)yaml";
+      const std::string scene = test::sceneText(
+          "belt 1, mass 1",
+          {"spring on mass: -phi_mass",
+           "friction = Friction, shafts: [belt, mass], coulomb: 1.5, regularization_speed: " + w0 +
+               stribeck,
+           "drive of order 1: w_belt - 0.2"},
+          "principle: gauss\ninitial: {velocity: [0.2, 0.2]}");
       const Played sticks = expectNoCrawl(scene, 1.0);
       if (*stribeck != '\0' || std::stod(w0) > 1e-4) continue;
       const double creep = std::stod(w0) * std::atanh(0.2 / 1.5);
@@ -140,25 +136,16 @@ TEST(Crawls, AClutchBehindAGear) {
   for (const std::string& principle : kPrinciples) {
     for (const std::string& w0 : std::vector<std::string>{"1e-2", "1e-6"}) {
       for (const char* const drive : {"10-0.1*w_a", "3*sin(2*t)"}) {
-        for (const char* const gear :
-             {"order: 1, expression: \"w_b-0.5*w_a\"", "order: 2, expression: \"e_b-0.5*e_a\"",
-              "order: 2, expression: \"0.01*(e_b-0.5*e_a)+w_b-0.5*w_a\""}) {
-          std::ostringstream scene;
-          scene << R"yaml(
-shafts: [a, b, c]
-a: {inertia: 0.5}
-b: {inertia: 0.1}
-c: {inertia: 2}
-torques: [motor, clutch, load]
-motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: ")yaml"
-                << drive << R"yaml("}
-clutch: {type: variator_sim/Friction, shafts: [b, c], coulomb: 6, regularization_speed: )yaml"
-                << w0 << R"yaml(}
-load: {type: variator_sim/ExpressionTorque, shaft: c, torque: "-0.02*w_c*abs(w_c)"}
-constraints: [gear]
-gear: {type: variator_sim/ExpressionConstraint, )yaml"
-                << gear << "}\nprinciple: " << principle << "\n";
-          expectNoCrawl(scene.str(), 3.0);
+        for (const char* const gear : {"gear of order 1: w_b-0.5*w_a", "gear: e_b-0.5*e_a",
+                                       "gear: 0.01*(e_b-0.5*e_a)+w_b-0.5*w_a"}) {
+          expectNoCrawl(
+              test::sceneText(
+                  "a 0.5, b 0.1, c 2",
+                  {std::string("motor on a: ") + drive,
+                   "clutch = Friction, shafts: [b, c], coulomb: 6, regularization_speed: " + w0,
+                   "load on c: -0.02*w_c*abs(w_c)", gear},
+                  "principle: " + principle),
+              3.0);
         }
       }
     }
@@ -215,11 +202,8 @@ TEST(Crawls, AShaftThatFrictionStopsWhileAnInputMoves) {
 // The fan begins to turn. The polynomial through a long step is less exact than its speed is large
 // then, and seems to pass 0.
 TEST(Crawls, AShaftThatBeginsToTurn) {
-  const std::string root = std::string(VARIATOR_SIM_TEST_DIR) + "/../config/applications/";
   for (const double tolerance : {1e-4, 1e-8, 1e-9, 1e-10}) {
-    Scene scene = test::sceneFromFile(root + "starting_system.yaml");
-    scene.solver.relative_tolerance = scene.solver.absolute_tolerance = tolerance;
-    Simulation simulation(scene);
+    Simulation simulation(test::withTolerance(application("starting_system"), tolerance));
     simulation.advanceTo(1.0);
     simulation.command(0, 1.0);
     ASSERT_TRUE(simulation.advanceTo(20.0).ok()) << simulation.describeStatus();
@@ -231,20 +215,13 @@ TEST(Crawls, AShaftThatBeginsToTurn) {
 // A command each 10 ms begins the motion anew: steps of its length are good, and nothing is
 // learned by changing the stepper.
 TEST(Crawls, CommandsEach10Milliseconds) {
-  const std::string root = std::string(VARIATOR_SIM_TEST_DIR) + "/../config/applications/";
-  const Scene scene = test::sceneFromFile(root + "car.yaml");
-  Simulation simulation(scene);
-  const auto command = [&](const std::string& topic, double value) {
-    for (int i = 0; i < scene.inputCount(); ++i) {
-      if (scene.inputs[static_cast<std::size_t>(i)].topic == topic) simulation.command(i, value);
-    }
-  };
+  Simulation simulation(application("car"));
   for (int k = 0; k < 1000; ++k) {
     const double t = 0.01 * k;
     ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
-    command("throttle", 0.4 * (1.0 + 0.05 * std::sin(3.0 * t)));
-    command("clutch", 75.0 + 15.0 * t);
-    command("ratio", 0.07 + 0.02 * t);
+    command(simulation, "throttle", 0.4 * (1.0 + 0.05 * std::sin(3.0 * t)));
+    command(simulation, "clutch", 75.0 + 15.0 * t);
+    command(simulation, "ratio", 0.07 + 0.02 * t);
   }
   const Statistics& counts = simulation.statistics();
   EXPECT_GT(counts.steps, 900U);
@@ -261,20 +238,13 @@ TEST(Crawls, CommandsEach10Milliseconds) {
 // The clutch slips, and what is fast in it has died away. Of series so short only the last
 // coefficients tell that; each command lets lags begin anew, for which steps before were too long.
 TEST(Crawls, ASlippingClutchAtALooseTolerance) {
-  const std::string root = std::string(VARIATOR_SIM_TEST_DIR) + "/../config/applications/";
   for (const double tolerance : {1e-3, 3e-4, 1e-5}) {
-    const Scene scene = test::withTolerance(test::sceneFromFile(root + "car.yaml"), tolerance);
-    Simulation simulation(scene);
-    const auto command = [&](const std::string& topic, double value) {
-      for (int i = 0; i < scene.inputCount(); ++i) {
-        if (scene.inputs[static_cast<std::size_t>(i)].topic == topic) simulation.command(i, value);
-      }
-    };
+    Simulation simulation(test::withTolerance(application("car"), tolerance));
     for (int k = 0; k < 20; ++k) {
       ASSERT_TRUE(simulation.advanceTo(1.0 + 2.0 * k).ok()) << simulation.describeStatus();
-      command("throttle", k % 2 == 0 ? 0.6 : 0.4);
-      command("clutch", 220.0);
-      command("ratio", 0.15);
+      command(simulation, "throttle", k % 2 == 0 ? 0.6 : 0.4);
+      command(simulation, "clutch", 220.0);
+      command(simulation, "ratio", 0.15);
     }
     EXPECT_LT(simulation.statistics().steps, 600U) << tolerance;
     EXPECT_LT(simulation.statistics().rejected_steps, 60U) << tolerance;
@@ -289,14 +259,11 @@ TEST(Crawls, AFreewheelLetsGoInsideAGap) {
       const std::string J = inertia;
       const Played played =
           run(test::sceneFromText(
-                  "shafts: [a, b]\na: {inertia: " + J + "}\nb: {inertia: " + J +
-                  "}\ntorques: [m, sp, ow]\nm: {type: variator_sim/ExpressionTorque, "
-                  "shaft: a, torque: \"cos(t)*" +
-                  J +
-                  "\"}\nsp: {type: variator_sim/ElasticCoupling, shafts: [a, b], stiffness: "
-                  "1, damping: 1, gap: 0.2}\now: {type: variator_sim/OneWayClutch, shafts: "
-                  "[a, b]}\nprinciple: " +
-                  principle + "\n"),
+                  "a " + J + ", b " + J,
+                  {"m on a: cos(t)*" + J,
+                   "sp = ElasticCoupling, shafts: [a, b], stiffness: 1, damping: 1, gap: 0.2",
+                   "ow = OneWayClutch, shafts: [a, b]"},
+                  "principle: " + principle),
               StepperKind::kAuto, 5.0);
       ASSERT_TRUE(played.status.ok()) << played.text;
       EXPECT_LT(played.tried(), 200U);
@@ -331,11 +298,8 @@ TEST(Crawls, ClutchesThatHoldNothingAtRest) {
 // Steady running at a tolerance that rounding does not leave: where it refuses nearly all steps the
 // motion goes on by other means.
 TEST(Crawls, StepsThatRoundingRefuses) {
-  const std::string root = std::string(VARIATOR_SIM_TEST_DIR) + "/../config/applications/";
-  const Scene scene =
-      test::withTolerance(test::sceneFromFile(root + "starting_system.yaml"), 1e-13);
-  Simulation simulation(scene);
-  simulation.command(scene.inputs[0].topic == "supply" ? 0 : 1, 1.0);
+  Simulation simulation(test::withTolerance(application("starting_system"), 1e-13));
+  command(simulation, "supply", 1.0);
   EXPECT_TRUE(simulation.advanceTo(26.0).ok()) << simulation.describeStatus();
   EXPECT_LT(simulation.statistics().rejected_steps, 500000U);
 }

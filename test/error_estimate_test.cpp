@@ -2,14 +2,6 @@
 // unchanged, and their loss of validity is reported.
 #include "motion/error_estimate.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <string>
-#include <vector>
-
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -19,23 +11,14 @@ constexpr StepperKind kSteppers[] = {
     StepperKind::kAuto,   StepperKind::kDopri5, StepperKind::kFehlberg78, StepperKind::kRadau,
     StepperKind::kTaylor, StepperKind::kRk4,    StepperKind::kTaylorFixed};
 
-const char* const kCircle = R"yaml(
-shafts: [drive, load]
-drive: {inertia: 1.5}
-load: {inertia: 1.5}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "3*t"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1^2+e2^2-4"}
-initial: {velocity: [0.5, -0.25], acceleration: [1.2, 1.6]}
-solver: {relative_tolerance: 1e-7, absolute_tolerance: 1e-7, step: 0.02}
-)yaml";
+const std::string kCircle =
+    test::sceneText("drive 1.5, load 1.5", {"motor on drive: 3*t", "variator: e1^2+e2^2-4"},
+                    "initial: {velocity: [0.5, -0.25], acceleration: [1.2, 1.6]}\n"
+                    "solver: {relative_tolerance: 1e-7, absolute_tolerance: 1e-7, step: 0.02}");
 
 // One shaft; its motion is known in each case.
 std::string freeShaft(const std::string& torque, const std::string& rest = "") {
-  return "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
-         "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-         torque + "\"}\n" + rest;
+  return test::sceneText("a 1", {"q on a: " + torque}, rest);
 }
 
 /// How many of some estimates are within a factor of ten of the true error, or both at rounding.
@@ -77,15 +60,10 @@ TEST_P(ErrorEstimates, AreThoseOfTheAccelerationCircle) {
 
 // A command acts on both motions: w = 2 up to 1 s, then to 5 as 5 - 3 exp(1 - t).
 TEST_P(ErrorEstimates, GoOnAcrossACommand) {
-  const std::string scene = R"yaml(
-shafts: [a]
-a: {inertia: 1}
-torques: [q, u]
-q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "-w1"}
-u: {type: variator_sim/CommandedTorque, shaft: a, topic: u, hold: zero_order, initial: 2}
-initial: {velocity: [2]}
-solver: {relative_tolerance: 1e-6, absolute_tolerance: 1e-6, step: 0.05}
-)yaml";
+  const std::string scene =
+      test::sceneText("a 1", {"q on a: -w1", "u on a from u, hold: zero_order, initial: 2"},
+                      "initial: {velocity: [2]}\n"
+                      "solver: {relative_tolerance: 1e-6, absolute_tolerance: 1e-6, step: 0.05}");
   Simulation simulation(test::withStepper(test::sceneFromText(scene), GetParam()));
   simulation.estimateErrors(true);
   simulation.advanceTo(1.0);
@@ -195,13 +173,11 @@ TEST(ErrorEstimate, TellsThatOnlyRoundingIsLeft) {
 // largest velocity of the run and that of what it is compared with.
 TEST(ErrorEstimate, TellsThatALawJumpsForOneOfBothOnly) {
   const auto scene = [](const std::string& limit) {
-    return test::sceneFromText(
-        "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [q, r]\n"
-        "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-4*phi1 - 0.2*w1\"}\n"
-        "r: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"sign(w1 - (" +
-        limit +
-        "))\"}\ninitial: {angle: [1, 0]}\nsolver: {stepper: dopri5, relative_tolerance: 1e-5, "
-        "absolute_tolerance: 1e-5}\n");
+    return test::withTolerance(
+        test::sceneFromText("a 1, b 1",
+                            {"q on a: -4*phi1 - 0.2*w1", "r on b: sign(w1 - (" + limit + "))"},
+                            "initial: {angle: [1, 0]}\nsolver: {stepper: dopri5}"),
+        1e-5);
   };
   // The maximum of w1, near 2.3 s, and its error there.
   double peak = 0.0;
@@ -223,9 +199,7 @@ TEST(ErrorEstimate, TellsThatALawJumpsForOneOfBothOnly) {
   ASSERT_GT(peak_error, 1e-8);
   int told = 0;
   for (const double side : {-0.5, 0.5}) {
-    char limit[40];
-    std::snprintf(limit, sizeof(limit), "%.17g", peak + side * peak_error);
-    Simulation grazing(scene(limit));
+    Simulation grazing(scene(test::plainly(peak + side * peak_error)));
     told += doubtsOf(grazing, 5.0).find("differ in how often") != std::string::npos;
   }
   EXPECT_EQ(told, 1);

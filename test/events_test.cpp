@@ -1,9 +1,5 @@
 // Events whose side rounding would decide: at a start, at a command, at the end of an input's
 // segment, at a step's end to the bit, with a tiny slope. Each is decided once.
-#include <gtest/gtest.h>
-
-#include <string>
-#include <vector>
 
 #include "support/scenes.h"
 
@@ -16,9 +12,7 @@ constexpr const char* kPrinciples[] = {"generalized_gauss", "gauss"};
 
 /// One shaft of unit inertia.
 std::string shaftUnder(const std::string& torque, const std::string& more = "") {
-  return "shafts: [a]\na: {inertia: 1}\ntorques: [q]\n"
-         "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-         torque + "\"}\n" + more;
+  return test::sceneText("a 1", {"q on a: " + torque}, more);
 }
 
 /// Runs a case by every stepper and principle.
@@ -95,18 +89,12 @@ TEST(CommandsAtAJump, MayComeTwiceAndToNoLaw) {
 // A constraint switches at the instant of a command, of either order.
 TEST(CommandsAtAKink, ChangeNothingThatNoLawReads) {
   for (const char* constraint :
-       {"order: 1, expression: \"w2-0.5*w1-0.1*abs(t-1)\"",
-        "order: 1, expression: \"w2-0.5*w1-0.1*max(0, t-1)\"",
-        "order: 2, expression: \"e2-0.5*e1+w2-0.5*w1+0.3*abs(t-1)\"",
-        "order: 2, expression: \"e2-if(t < 1, 0.5*e1, 0.5*e1+0.2*(t-1))\""}) {
+       {"v of order 1: w2-0.5*w1-0.1*abs(t-1)", "v of order 1: w2-0.5*w1-0.1*max(0, t-1)",
+        "v: e2-0.5*e1+w2-0.5*w1+0.3*abs(t-1)", "v: e2-if(t < 1, 0.5*e1, 0.5*e1+0.2*(t-1))"}) {
     const std::string yaml =
-        std::string(
-            "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [q]\n"
-            "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"2 + sign(t-1)\"}\n"
-            "inputs: [unread, ramp]\nunread: {topic: unread}\n"
-            "ramp: {topic: ramp, hold: rate_limit, rate: 1}\n"
-            "constraints: [v]\nv: {type: variator_sim/ExpressionConstraint, ") +
-        constraint + "}\ninitial: {project: true, velocity: [0, 0]}\n";
+        test::sceneText("a 1, b 2", {"q on a: 2 + sign(t-1)", constraint},
+                        "inputs: [unread, ramp]\nunread: {topic: unread}\n"
+                        "ramp: {topic: ramp, hold: rate_limit, rate: 1}\ninitial: {project: true}");
     for (const char* principle : kPrinciples) {
       const std::string text = yaml + "principle: " + principle + "\n";
       SCOPED_TRACE(text);
@@ -219,13 +207,9 @@ TEST(RestOnAJump, IsChatteringAtOnce) {
   for (const char* torque : {kHeld, "if(w1 > 0, -300, 500)", "if(w1 >= 0, -300, 500)",
                              "100 - 400*sign(3*w1)", "t - 5*sign(w1)"}) {
     forAll(shaftUnder(torque), expectChattering);
-    forAll(
-        "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [q]\n"
-        "q: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-            std::string(torque) +
-            "\"}\nconstraints: [g]\n"
-            "g: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: 0.6}\n",
-        expectChattering);
+    forAll(test::sceneText("a 1, b 2", {std::string("q on a: ") + torque,
+                                        "g = KinematicRatio, shafts: [a, b], ratio: 0.6"}),
+           expectChattering);
   }
 }
 

@@ -4,26 +4,22 @@
 namespace variator_sim {
 namespace {
 
+using test::list;
+using test::sceneText;
+
 const char* const kSteppers[] = {"auto", "rk4", "dopri5", "fehlberg78", "radau", "taylor"};
 
 Simulation simulationOf(const std::string& yaml, const std::string& solver = "") {
   return Simulation(test::sceneFromText(yaml + "solver: {" + solver + "}\n"));
 }
 
-std::string listOf(const std::vector<double>& values) {
-  return formatNumbers(values.data(), static_cast<int>(values.size()));
-}
-
 TEST(Interpolation, OfACycleByItsCornersIsFollowedExactly) {
   const std::vector<double> x = {0.0, 10.0, 20.0, 20.5, 30.0, 47.3};
   const std::vector<double> v = {0.0, 10.0, 10.0, 3.0, 0.0, 8.0};
-  const std::string scene =
-      "shafts: [wheel, dummy]\nwheel: {inertia: 1}\ndummy: {inertia: 1}\n"
-      "tables: [speed]\nspeed: {x: " +
-      listOf(x) + ", values: " + listOf(v) +
-      ", interpolation: linear}\nconstraints: [cycle]\n"
-      "cycle: {type: variator_sim/ExpressionConstraint, order: 1, "
-      "expression: w_wheel - speed(t)}\nprinciple: ";
+  const std::string scene = sceneText("wheel 1, dummy 1", {"cycle of order 1: w_wheel - speed(t)"},
+                                      "tables: [speed]\nspeed: {x: " + list(x) +
+                                          ", values: " + list(v) + ", interpolation: linear}") +
+                            "principle: ";
   for (const std::string principle : {"gauss\n", "generalized_gauss\n"}) {
     for (const char* stepper : kSteppers) {
       SCOPED_TRACE(principle + stepper);
@@ -49,11 +45,11 @@ TEST(Interpolation, OfTorquesOverTimeIsIntegratedInItsPieces) {
   const std::vector<double> x = {0.0, 1.0, 1.5, 4.0};
   const std::vector<double> T = {1.0, 3.0, -2.0, 5.0};
   for (const bool holds : {false, true}) {
-    const std::string scene = "shafts: [a]\na: {inertia: 2}\ntables: [T]\nT: {x: " + listOf(x) +
-                              ", values: " + listOf(T) +
-                              ", interpolation: " + (holds ? "hold" : "linear") +
-                              "}\ntorques: [pull]\npull: {type: "
-                              "variator_sim/ExpressionTorque, shaft: a, torque: T(t)}\nprinciple: ";
+    const std::string scene =
+        sceneText("a 2", {"pull on a: T(t)"},
+                  "tables: [T]\nT: {x: " + list(x) + ", values: " + list(T) +
+                      ", interpolation: " + (holds ? "hold" : "linear") + "}") +
+        "principle: ";
     for (const std::string principle : {"gauss\n", "generalized_gauss\n"}) {
       for (const char* stepper : kSteppers) {
         SCOPED_TRACE(principle + stepper + (holds ? " hold" : " linear"));
@@ -91,11 +87,10 @@ TEST(Interpolation, OfTorquesOverSpeedMeetsTheClosedForm) {
       T.push_back(k % 2 == 0 ? 50.0 : 20.0 + k % 7);
     }
     const double end = calcPassage(w, T, 0.8);
-    const std::string scene = "shafts: [a]\na: {inertia: 0.8}\ntables: [T]\nT: {x: " + listOf(w) +
-                              ", values: " + listOf(T) +
-                              ", interpolation: linear}\n"
-                              "torques: [pull]\npull: {type: variator_sim/ExpressionTorque, "
-                              "shaft: a, torque: T(w_a)}\nprinciple: ";
+    const std::string scene = sceneText("a 0.8", {"pull on a: T(w_a)"},
+                                        "tables: [T]\nT: {x: " + list(w) + ", values: " + list(T) +
+                                            ", interpolation: linear}") +
+                              "principle: ";
     for (const std::string principle : {"gauss\n", "generalized_gauss\n"}) {
       for (const char* stepper : {"auto", "dopri5", "radau", "taylor"}) {
         SCOPED_TRACE(principle + stepper + " " + std::to_string(points));
@@ -110,15 +105,11 @@ TEST(Interpolation, OfTorquesOverSpeedMeetsTheClosedForm) {
 
 /// A shaft that swings through the points of a table, to and fro, at whose points it also turns.
 TEST(Interpolation, IsFollowedInBothDirections) {
-  const std::string scene = R"(
-shafts: [a]
-a: {inertia: 1}
+  const std::string scene = sceneText("a 1", {"pull on a: spring(phi_a)"}, R"(
 tables: [spring]
 spring: {x: [-2, -1, 1, 2], values: [14, 1, -1, -14], interpolation: linear, beyond: linear}
-torques: [pull]
-pull: {type: variator_sim/ExpressionTorque, shaft: a, torque: spring(phi_a)}
-initial: {angle: [1], velocity: [0]}
-)";
+initial: {angle: [1]}
+)");
   // Up to |phi| = 1 the spring has the stiffness 1: cos t. (A fixed step from a point is of first
   // order.)
   for (const char* stepper : {"auto", "dopri5", "fehlberg78", "radau", "taylor"}) {
@@ -132,15 +123,11 @@ initial: {angle: [1], velocity: [0]}
 }
 
 TEST(Interpolation, OfTwoVariablesIsBilinearInItsPieces) {
-  const std::string scene = R"(
-shafts: [a]
-a: {inertia: 1}
+  const std::string scene = sceneText("a 1", {"pull on a: map(t, w_a)"}, R"(
 tables: [map]
 map: {x: [0, 1, 2, 8], y: [0, 2, 3, 10], interpolation: linear,
       values: [[0, 2, 3, 10], [1, 3, 4, 11], [2, 4, 5, 12], [8, 10, 11, 18]]}
-torques: [pull]
-pull: {type: variator_sim/ExpressionTorque, shaft: a, torque: 'map(t, w_a)'}
-)";
+)");
   // The map is x + y: w' = t + w.
   Simulation simulation = simulationOf(scene);
   ASSERT_TRUE(simulation.advanceTo(2.0).ok());
@@ -148,16 +135,10 @@ pull: {type: variator_sim/ExpressionTorque, shaft: a, torque: 'map(t, w_a)'}
 }
 
 TEST(Interpolation, ThatHoldsAValueMakesAConstraintOfOrder1Stop) {
-  Simulation simulation = simulationOf(R"(
-shafts: [a, b]
-a: {inertia: 1}
-b: {inertia: 1}
-tables: [i]
-i: {x: [0, 1, 2], values: [1, 1, 2], interpolation: hold}
-constraints: [gear]
-gear: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: i(t)}
-initial: {velocity: [1, 1]}
-)");
+  Simulation simulation = simulationOf(
+      sceneText("a 1, b 1", {"gear = KinematicRatio, shafts: [a, b], ratio: i(t)"},
+                "tables: [i]\ni: {x: [0, 1, 2], values: [1, 1, 2], interpolation: hold}\n"
+                "initial: {velocity: [1, 1]}"));
   EXPECT_TRUE(simulation.advanceTo(1.9).ok());
   EXPECT_EQ(simulation.advanceTo(3.0).reason, StopReason::kJumpFailed)
       << simulation.describeStatus();

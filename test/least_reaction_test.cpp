@@ -8,6 +8,8 @@
 namespace variator_sim {
 namespace {
 
+using test::plainly;
+
 /// Two shafts with constant torques and one constraint of order 2.
 struct TwoShafts {
   double inertia[2] = {1.0, 2.0};  // kg m^2
@@ -16,15 +18,9 @@ struct TwoShafts {
   std::string rest;  // further keys
 
   std::string text() const {
-    const auto number = [](double value) {
-      char buffer[32];
-      std::snprintf(buffer, sizeof buffer, "%.17g", value);
-      return std::string(buffer);
-    };
     return test::sceneText(
-        "a " + number(inertia[0]) + ", b " + number(inertia[1]),
-        {"p on a: " + number(torque[0]), "q on b: " + number(torque[1]), std::string("v: ") + psi},
-        rest);
+        "a " + plainly(inertia[0]) + ", b " + plainly(inertia[1]),
+        {"p on a: " + plainly(torque[0]), "q on b: " + plainly(torque[1]), "v: " + psi}, rest);
   }
   /// 1/2 R^T J^-1 R at accelerations (e1, e2), W.
   double reaction(double e1, double e2) const {
@@ -99,12 +95,10 @@ TEST(LeastReaction, IsTheLeastOfAllMinima) {
          [&](double) { return std::numeric_limits<double>::quiet_NaN(); }},
     };
     const Part& part = parts[n % 8];
-    char values[256];
-    std::snprintf(values, sizeof values, "slope: %.17g, ratio: %.17g, offset: %.17g, size: %.17g",
-                  slope, ratio, offset, size);
-    std::string parameters = values;
+    std::string parameters = "slope: " + plainly(slope) + ", ratio: " + plainly(ratio) +
+                             ", offset: " + plainly(offset) + ", size: " + plainly(size);
     const bool reads_place = n % 8 == 1 || n % 8 == 4 || n % 8 == 5 || n % 8 == 7;
-    if (reads_place) parameters += ", p: " + formatNumber(place);
+    if (reads_place) parameters += ", p: " + plainly(place);
     std::string text = scene.text();
     const std::string empty = "expression: \"\"";
     text.replace(text.find(empty), empty.size(),
@@ -205,11 +199,7 @@ struct PlaneCubic {
     const char* const powers[] = {"1",    "e1",   "e2",      "e1^2",    "e1*e2",
                                   "e2^2", "e1^3", "e1^2*e2", "e1*e2^2", "e2^3"};
     std::string text = "0";
-    for (int n = 0; n < 10; ++n) {
-      char term[64];
-      std::snprintf(term, sizeof term, "+(%.17g)*%s", c[n], powers[n]);
-      text += term;
-    }
+    for (int n = 0; n < 10; ++n) text += "+(" + plainly(c[n]) + ")*" + powers[n];
     return text;
   }
 };
@@ -235,22 +225,11 @@ TEST(LeastReaction, OfTwoAccelerationsInACubicNoPlaceIsLeftOut) {
       kGoesAlong,
       kOwnRow
     } const form = std::array{kAlone, kGoesAlong, kOwnRow}[round % 3];
-    std::string text =
-        "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 1}\nc: {inertia: 1}\ntorques: [p, q]\n";
-    char torques[256];
-    std::snprintf(torques, sizeof torques,
-                  "p: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"%.17g\"}\n"
-                  "q: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"%.17g\"}\n",
-                  torque[0], torque[1]);
-    const auto row = [](const std::string& name, const std::string& psi) {
-      return name + ": {type: variator_sim/ExpressionConstraint, order: 2, expression: \"" + psi +
-             "\"}\n";
-    };
-    text += torques;
-    text += form == kAlone       ? "constraints: [v]\n" + row("v", first.text())
-            : form == kGoesAlong ? "constraints: [v]\n" + row("v", "e3+" + first.text())
-                                 : "constraints: [v, w]\n" + row("v", first.text()) +
-                                       row("w", "e3+" + second.text());
+    std::vector<std::string> elements = {
+        "p on a: " + plainly(torque[0]), "q on b: " + plainly(torque[1]),
+        "v: " + std::string(form == kGoesAlong ? "e3+" : "") + first.text()};
+    if (form == kOwnRow) elements.push_back("w: e3+" + second.text());
+    const std::string text = test::sceneText("a 1, b 1, c 1", elements);
     // e3 of the third shaft is 0 where nothing moves it.
     const auto reaction = [&](double e1, double e2) {
       const double e3 = form == kAlone       ? 0.0
@@ -443,17 +422,11 @@ TEST(Steppers, GoOnWhereSquaresUnderflow) {
 TEST(LeastReaction, OfNothingIsFoundWhereJIsNearlySingular) {
   for (double gap : {1e-2, 1e-4, 1e-5, 1e-6, 1e-7}) {
     const double c = -(1.0 - gap);
-    char text[600];
-    std::snprintf(text, sizeof text,
-                  "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\n"
-                  "inertia_coupling: [[a, b, %.17g]]\ntorques: [qa, qb]\n"
-                  "qa: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"%.17g\"}\n"
-                  "qb: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"%.17g\"}\n"
-                  "constraints: [v]\nv: {type: variator_sim/ExpressionConstraint, order: 2, "
-                  "expression: \"0.2*(e2-0.5*e1)*(1+0.05*(e1^2+e2^2))+w2-0.5*w1\"}\n"
-                  "initial: {velocity: [2, 1]}\n",
-                  c, 1.0 + 0.5 * c, c + 0.5);
-    Simulation simulation(test::sceneFromText(text));
+    Simulation simulation(test::sceneFromText(
+        "a 1, b 1",
+        {"qa on a: " + plainly(1.0 + 0.5 * c), "qb on b: " + plainly(c + 0.5),
+         "v: 0.2*(e2-0.5*e1)*(1+0.05*(e1^2+e2^2))+w2-0.5*w1"},
+        "inertia_coupling: [[a, b, " + plainly(c) + "]]\ninitial: {velocity: [2, 1]}"));
     const Sample& start = simulation.sample();
     EXPECT_NEAR(start.acceleration[0], 1.0, 1e-15 / gap) << gap;
     EXPECT_NEAR(start.acceleration[1], 0.5, 1e-15 / gap) << gap;
@@ -477,14 +450,12 @@ TEST(LeastReaction, IsFoundWhereItIsSmallBesideTheRoundingOfPsi) {
 
 TEST(SingularStart, NamesTheConstraintThatLostRank) {
   const auto constraintAt = [](const std::string& order, const std::string& x) {
-    return Simulation(test::sceneFromText(
-                          "shafts: [a, b, c]\na: {inertia: 1}\nb: {inertia: 2}\nc: {inertia: 3}\n"
-                          "constraints: [good, bad]\n"
-                          "good: {type: variator_sim/ExpressionConstraint, order: " +
-                          order + ", expression: \"" + x + "2-0.5*" + x +
-                          "1\"}\nbad: {type: variator_sim/ExpressionConstraint, order: " + order +
-                          ", expression: \"t*" + x + "3\"}\nverify_derivatives: false\n" +
-                          (order == "3" ? "initial: {acceleration: [0, 0, 0]}\n" : "")))
+    return Simulation(
+               test::sceneFromText("a 1, b 2, c 3",
+                                   {"good of order " + order + ": " + x + "2-0.5*" + x + "1",
+                                    "bad of order " + order + ": t*" + x + "3"},
+                                   std::string("verify_derivatives: false\n") +
+                                       (order == "3" ? "initial: {acceleration: [0, 0, 0]}" : "")))
         .status();
   };
   const char* highest[] = {"w", "e", "j"};

@@ -1,16 +1,11 @@
 // The cost limit of loading any scene: 5 s and 500 MB. (The margin is for slower machines and
 // sanitizers: the worst of these takes a tenth.)
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 
 #include <ctime>
-#include <functional>
-#include <string>
-#include <utility>
 
 #include "support/scenes.h"
 #include "variator_sim/errors.h"
-#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 namespace {
@@ -37,9 +32,12 @@ std::string number(int i) {
   return std::to_string(i);
 }
 std::string ofTorque(const std::string& formula) {
-  return "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ntorques: [m]\n"
-         "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-         formula + "\"}\n";
+  return test::sceneText("a 1, b 2", {"m on a: " + formula});
+}
+std::string ofElements(int count, const std::function<std::string(int)>& behind_name) {
+  std::vector<std::string> elements;
+  for (int i = 0; i < count; ++i) elements.push_back("m" + number(i) + behind_name(i));
+  return test::sceneText("a 1", elements);
 }
 std::string ofHarmonics(int shafts, int count, const std::function<int(int)>& order) {
   const auto name = [](int i) { return "s" + number(i); };
@@ -138,18 +136,8 @@ TEST(LoadCost, FormulasThatAreTooLong) {
   const std::string scenes[] = {
       ofTorque(sum(60000, [](int i) { return "w1*" + number(i); })),
       ofTorque(sum(500000, [](int) { return "(w1)"; })),
-      "shafts: [a]\na: {inertia: 1}\ntorques: [" +
-          repeat(
-              3000, [](int i) { return "m" + number(i); }, ", ") +
-          "]\n" +
-          repeat(
-              3000,
-              [](int i) {
-                return "m" + number(i) +
-                       ": {type: variator_sim/ExpressionTorque, shaft: a, torque: \"" +
-                       sum(20, [](int n) { return "w1^" + number(n); }) + "\"}\n";
-              },
-              ""),
+      ofElements(3000,
+                 [](int) { return " on a: " + sum(20, [](int n) { return "w1^" + number(n); }); }),
   };
   for (const std::string& scene : scenes) {
     const Cost cost = load(scene);
@@ -161,18 +149,9 @@ TEST(LoadCost, FormulasThatAreTooLong) {
 }
 
 TEST(LoadCost, ManyElements) {
-  const Cost cost = load("shafts: [a]\na: {inertia: 1}\ntorques: [" +
-                         repeat(
-                             8000, [](int i) { return "m" + number(i); }, ", ") +
-                         "]\n" +
-                         repeat(
-                             8000,
-                             [](int i) {
-                               return "m" + number(i) +
-                                      ": {type: variator_sim/Friction, shaft: a, coulomb: " +
-                                      number(i + 1) + ", regularization_speed: 0.01}\n";
-                             },
-                             ""));
+  const Cost cost = load(ofElements(8000, [](int i) {
+    return " = Friction, shaft: a, coulomb: " + number(i + 1) + ", regularization_speed: 0.01";
+  }));
   EXPECT_EQ(cost.error, "");
   EXPECT_LT(cost.seconds, kLongest);
 }

@@ -1,18 +1,11 @@
 // Machine code that cannot be had: the run goes on with the interpreter, and says why.
-#include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cmath>
 #include <csignal>
-#include <cstring>
-#include <functional>
-#include <memory>
-#include <string>
 #include <thread>
-#include <vector>
 
 #include "machine_code/kernel_library.h"
 #include "support/machine_code_folder.h"
@@ -25,16 +18,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const std::string kScene = R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.5}
-load: {inertia: 1.2}
-initial: {velocity: [10.0, 6.0]}
-torques: [drag]
-drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.3*w2*abs(w2) + sin(phi1)"}
-constraints: [variator]
-variator: {type: variator_sim/SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: 0.6}
-)yaml";
+const std::string kScene =
+    test::sceneText("drive 0.5, load 1.2",
+                    {"drag on load: -0.3*w2*abs(w2) + sin(phi1)",
+                     "variator = SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: 0.6"},
+                    "initial: {velocity: [10, 6]}");
 
 class MachineCodeFaults : public test::MachineCodeFolder {
  protected:
@@ -294,9 +282,7 @@ TEST_F(MachineCodeFaults, AKernelThatIsWrongIsMadeAnew) {
   const fs::path kernel = kernels()[0];
   // Written to its end, but of another scene.
   Simulation other(
-      test::sceneFromText("shafts: [a]\na: {inertia: 1}\ntorques: [it]\n"
-                          "it: {type: variator_sim/ExpressionTorque, shaft: a, "
-                          "torque: \"-w1*w1+cos(t)\"}\nsolver: {machine_code: always}\n"));
+      test::sceneFromText("a 1", {"it on a: -w1*w1+cos(t)"}, "solver: {machine_code: always}"));
   ASSERT_TRUE(other.loadMachineCode(true)) << other.machineCode();
   ASSERT_EQ(kernels().size(), 2U);
   const fs::path strange = kernels()[kernels()[0] == kernel ? 1 : 0];

@@ -8,6 +8,8 @@
 namespace variator_sim {
 namespace {
 
+using test::plainly;
+
 // For matrices of at most so many rows Eigen compiles loops and no blocked products: in a third of
 // the time.
 constexpr int kMost = 16;
@@ -42,12 +44,6 @@ Problem makeProblem(std::mt19937& random, int s, int k, bool coupled) {
   return problem;
 }
 
-std::string exactly(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.17g", value);
-  return text;
-}
-
 /// The scene of a problem: constraints C eta + c0 = 0 and torques that begin with their rates.
 std::string sceneOf(const Problem& problem) {
   std::string shafts;
@@ -56,19 +52,19 @@ std::string sceneOf(const Problem& problem) {
   const auto S = static_cast<int>(problem.J.rows());
   const auto name = [](int i) { return std::string("s") + std::to_string(i); };
   for (int i = 0; i < S; ++i) {
-    shafts += (i > 0 ? ", " : "") + name(i) + " " + exactly(problem.J(i, i));
+    shafts += (i > 0 ? ", " : "") + name(i) + " " + plainly(problem.J(i, i));
     elements.push_back("q" + std::to_string(i) + " on " + name(i) + ": t*(" +
-                       exactly(problem.torque_rate(i)) + ")");
+                       plainly(problem.torque_rate(i)) + ")");
     for (int n = 0; n < i; ++n) {
       if (problem.J(i, n) == 0.0) continue;
       coupling += (coupling.empty() ? "[" : ", [") + name(n) + ", " + name(i) + ", " +
-                  exactly(problem.J(i, n)) + "]";
+                  plainly(problem.J(i, n)) + "]";
     }
   }
   for (int m = 0; m < problem.C.rows(); ++m) {
-    std::string row = exactly(problem.c0(m));
+    std::string row = plainly(problem.c0(m));
     for (int i = 0; i < S; ++i) {
-      row += "+(" + exactly(problem.C(m, i)) + ")*j" + std::to_string(i + 1);
+      row += "+(" + plainly(problem.C(m, i)) + ")*j" + std::to_string(i + 1);
     }
     elements.push_back("c" + std::to_string(m) + " of order 3: " + row);
   }

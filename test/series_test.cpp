@@ -1,9 +1,5 @@
 // A motion's power series: the acceleration of a shaft that a torque alone turns is the sum of the
 // torque's series, and the torque itself that of its formula at the state there.
-#include <algorithm>
-#include <cmath>
-#include <string>
-#include <vector>
 
 #include "support/scenes.h"
 #include "variator_sim/expression/parser.h"
@@ -29,25 +25,17 @@ std::string withFor(const std::string& text, char letter, const std::string& by)
 class Expansion {
  public:
   Expansion(const std::string& formula, double angle, double velocity)
-      : simulation_(test::sceneFromText(R"yaml(
-shafts: [a, b, c]
-a: {inertia: 1.3}
-b: {inertia: 0.7}
-c: {inertia: 0.9}
-tables: [level]
-level: {x: [0, 0.4, 1, 1.7], values: [1, 2.5, 3, -1]}
-torques: [asked, motor, load]
-asked: {type: variator_sim/ExpressionTorque, shaft: c, torque: ")yaml" +
-                                        withFor(formula, 't', "(t+0.3)") + R"yaml("}
-motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "0.4 - 0.3*w_a + 0.2*sin(3*t)"}
-load: {type: variator_sim/ExpressionTorque, shaft: b, torque: "-0.5*w_b - 0.1*phi_b"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e_b - 0.6*e_a + 0.1*w_a*w_b"}
-initial: {angle: [)yaml" + std::to_string(angle) +
-                                        ", 1.1, 0.6], velocity: [" + std::to_string(velocity) +
-                                        R"yaml(, -0.4, 0.3]}
-solver: {stepper: taylor, relative_tolerance: 1e-12, absolute_tolerance: 1e-12}
-)yaml")) {}
+      : simulation_(test::sceneFromText(
+            "a 1.3, b 0.7, c 0.9",
+            {"asked on c: " + withFor(formula, 't', "(t+0.3)"),
+             "motor on a: 0.4 - 0.3*w_a + 0.2*sin(3*t)", "load on b: -0.5*w_b - 0.1*phi_b",
+             "variator: e_b - 0.6*e_a + 0.1*w_a*w_b"},
+            "tables: [level]\nlevel: {x: [0, 0.4, 1, 1.7], values: [1, 2.5, 3, -1]}\n"
+            "initial: {angle: [" +
+                std::to_string(angle) + ", 1.1, 0.6], velocity: [" + std::to_string(velocity) +
+                ", -0.4, 0.3]}\n"
+                "solver: {stepper: taylor, relative_tolerance: 1e-12, "
+                "absolute_tolerance: 1e-12}")) {}
 
   /// The largest difference between J epsilon and the asked torque up to `end` s, for size 1; a
   /// number that is not finite where the motion does not get there.

@@ -1,9 +1,4 @@
 // Machine code that motions of the same formulas share.
-#include <gtest/gtest.h>
-
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "motion_program/motion_program.h"
 #include "support/machine_code_folder.h"
@@ -14,19 +9,16 @@ namespace variator_sim {
 namespace {
 
 using test::hex;
-using test::kShafts;
 using test::play;
 
+const std::string kVariator = "variator: 0.2*(e2 - 0.6*e1) + w2 - 0.6*w1";
+
 std::string shipWith(const std::string& gain, const std::string& drag) {
-  return kShafts + R"yaml(
-torques: [engine, drag]
-engine: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "g*(30 - w1) + sin(t)^2", parameters: {g: )yaml" +
-         gain + R"yaml(}}
-drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: )yaml" +
-         drag + R"yaml(}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e2 - 0.6*e1) + w2 - 0.6*w1"}
-)yaml";
+  return test::twoShafts(
+      {"engine = ExpressionTorque, shaft: drive, torque: \"g*(30 - w1) + sin(t)^2\", "
+       "parameters: {g: " +
+           gain + "}",
+       "drag on load: " + drag, kVariator});
 }
 
 class SharedMachineCode : public test::MachineCodeFolder {
@@ -41,11 +33,11 @@ class SharedMachineCode : public test::MachineCodeFolder {
 };
 
 TEST_F(SharedMachineCode, OfOtherNumbersGivesTheBitsOfTheirInterpreter) {
-  Simulation first = interpreted(shipWith("0.7", "'-0.02*w2^2 - 0.1*abs(w2)^1.6'"));
+  Simulation first = interpreted(shipWith("0.7", "-0.02*w2^2 - 0.1*abs(w2)^1.6"));
   ASSERT_TRUE(first.loadMachineCode(true)) << first.machineCode();
   for (const char* gain : {"0.3", "1.9", "-0.5"}) {
     SCOPED_TRACE(gain);
-    const std::string scene = shipWith(gain, "'-0.03*w2^2 - 0.25*abs(w2)^1.35'");
+    const std::string scene = shipWith(gain, "-0.03*w2^2 - 0.25*abs(w2)^1.35");
     Simulation other = interpreted(scene);
     ASSERT_TRUE(other.shareMachineCode(first));
     EXPECT_EQ(other.machineCode(), "machine code, of another run");
@@ -64,7 +56,7 @@ TEST_F(SharedMachineCode, OfOtherNumbersGivesTheBitsOfTheirInterpreter) {
 /// Equal numbers are one: a formula in which two happen to be equal may be another one, and code is
 /// shared only where it makes the very steps of the interpreter.
 TEST_F(SharedMachineCode, IsRightForFormulasWhoseNumbersAreEqual) {
-  const std::string drag = "'0.04*cos(w2)'";
+  const std::string drag = "0.04*cos(w2)";
   Simulation first = interpreted(shipWith("0.7", drag));
   ASSERT_TRUE(first.loadMachineCode(true)) << first.machineCode();
   for (const char* const number : {"0.04", "0.05"}) {
@@ -79,14 +71,14 @@ TEST_F(SharedMachineCode, IsRightForFormulasWhoseNumbersAreEqual) {
 }
 
 TEST_F(SharedMachineCode, IsThatOfTheSameFormulasOnly) {
-  const std::string drag = "'-0.02*w2^2'";
+  const std::string drag = "-0.02*w2^2";
   Simulation first = interpreted(shipWith("0.7", drag));
   Simulation without = interpreted(shipWith("0.7", drag));
   EXPECT_FALSE(first.shareMachineCode(without)) << "nothing to share";
   ASSERT_TRUE(first.loadMachineCode(true)) << first.machineCode();
-  const char* const others[] = {"'-0.02*w2^3'",   "'-0.02*w1^2'",      "'-0.02*w2^2 - 1.5'",
-                                "'-1*w2^2'",      "'-0.02*w2^2*t'",    "'-0.02*exp(w2)'",
-                                "'-0.02*w2^2.5'", "'0.02 - 0.3*w2^2'", "'-0.02/w2^2'"};
+  const char* const others[] = {"-0.02*w2^3",   "-0.02*w1^2",      "-0.02*w2^2 - 1.5",
+                                "-1*w2^2",      "-0.02*w2^2*t",    "-0.02*exp(w2)",
+                                "-0.02*w2^2.5", "0.02 - 0.3*w2^2", "-0.02/w2^2"};
   for (const char* other : others) {
     SCOPED_TRACE(other);
     EXPECT_FALSE(interpreted(shipWith("0.7", other)).shareMachineCode(first));
@@ -101,18 +93,11 @@ TEST_F(SharedMachineCode, IsThatOfTheSameFormulasOnly) {
 
 /// The code for a moving inertia has only the entries of its pattern.
 TEST_F(SharedMachineCode, IsThatOfTheSamePatternOfInertiaOnly) {
-  const std::string diagonal = R"yaml(
-shafts: [crank, load]
-crank: {inertia: {mean: 1.0, harmonics: [{order: 1, cos: 0.2}]}}
-load: {inertia: 1.2}
-initial: {velocity: [10.0, 6.0]}
-tables: [drag_of]
-drag_of: {x: [0, 5, 20], values: [0, -1, -6], beyond: linear}
-torques: [drag]
-drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "3 + drag_of(w2)"}
-constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.2*(e2 - 0.6*e1) + w2 - 0.6*w1"}
-)yaml";
+  const std::string diagonal = test::sceneText(
+      "crank, load 1.2", {"drag on load: 3 + drag_of(w2)", kVariator},
+      "crank: {inertia: {mean: 1, harmonics: [{order: 1, cos: 0.2}]}}\n"
+      "initial: {velocity: [10, 6]}\n"
+      "tables: [drag_of]\ndrag_of: {x: [0, 5, 20], values: [0, -1, -6], beyond: linear}");
   const std::string coupled = diagonal + "inertia_coupling: [[crank, load, 0.1]]\n";
   for (const auto& [one, other] : {std::pair{diagonal, coupled}, std::pair{coupled, diagonal}}) {
     Simulation first = interpreted(one);
@@ -180,8 +165,7 @@ TEST_F(SharedMachineCode, GoesAlongWithProgramsOfTheSameScene) {
 TEST_F(SharedMachineCode, IsAskedForWhereTheSourceIsTheSame) {
   std::vector<std::string> scenes;
   for (const char* gain : {"0.7", "0.9", "1"}) {
-    for (const char* drag :
-         {"'-0.02*w2^2'", "'-0.02*abs(w2)^1.5'", "'-0.7*w2^2'", "'-w2'", "-3.5"}) {
+    for (const char* drag : {"-0.02*w2^2", "-0.02*abs(w2)^1.5", "-0.7*w2^2", "-w2", "-3.5"}) {
       scenes.push_back(shipWith(gain, drag));
     }
   }

@@ -2,14 +2,6 @@
 // order 2 is its acceleration-only constraint with multipliers of its own. Same accelerations as
 // the principle `gauss`, which for linear constraints is equation [17].
 #include <Simbody.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "support/scenes.h"
 
@@ -144,31 +136,16 @@ Row sumRow() {
 
 /// The scene along its own motion; at each state Simbody is asked.
 void expectSameAccelerations(const std::vector<std::string>& expressions, std::vector<Row> rows) {
-  std::string names;
-  std::string dictionaries;
+  std::vector<std::string> elements = {"motor on a: 12*((50-w1)/50)/(((50-w1)/50)^2+0.04)",
+                                       "propeller on b: -0.02*w2^2",
+                                       "spring on c: -3*phi3-w3+sin(5*t)"};
   for (std::size_t m = 0; m < expressions.size(); ++m) {
-    const std::string name = "constraint" + std::to_string(m);
-    names += (m == 0 ? "" : ", ") + name;
-    dictionaries += name + ": {type: variator_sim/ExpressionConstraint, order: 2, expression: \"" +
-                    expressions[m] + "\"}\n";
+    elements.push_back("constraint" + std::to_string(m) + ": " + expressions[m]);
   }
-  Simulation simulation(test::withTolerance(
-      test::sceneFromText(
-          "shafts: [a, b, c]\n"
-          "a: {inertia: 0.8}\n"
-          "b: {inertia: 2.0}\n"
-          "c: {inertia: 0.5}\n"
-          "torques: [motor, propeller, spring]\n"
-          "motor: {type: variator_sim/ExpressionTorque, shaft: a,"
-          " torque: \"12*((50-w1)/50)/(((50-w1)/50)^2+0.04)\"}\n"
-          "propeller: {type: variator_sim/ExpressionTorque, shaft: b, torque: \"-0.02*w2^2\"}\n"
-          "spring: {type: variator_sim/ExpressionTorque, shaft: c, torque: "
-          "\"-3*phi3-w3+sin(5*t)\"}\n"
-          "constraints: [" +
-          names + "]\n" + dictionaries +
-          "principle: gauss\n"
-          "initial: {velocity: [5, 3, 1]}\n"),
-      1e-10));
+  Simulation simulation(
+      test::withTolerance(test::sceneFromText("a 0.8, b 2, c 0.5", elements,
+                                              "principle: gauss\ninitial: {velocity: [5, 3, 1]}"),
+                          1e-10));
   Peer peer(std::move(rows));
   double largest_reaction = 0.0;
   for (int n = 0; n <= 40; ++n) {

@@ -8,22 +8,15 @@ constexpr double kPi = 3.14159265358979323846;
 
 /// A chain of equal masses of 2 kg m^2 with springs of 300 N m/rad between.
 std::string chainOf(int count, const std::vector<double>& angles) {
-  std::ostringstream shafts;
-  std::ostringstream elements;
-  std::ostringstream torques;
-  std::ostringstream start;
-  start.precision(17);
-  for (int i = 0; i < count; ++i) {
-    shafts << (i == 0 ? "" : ", ") << "m" << i;
-    start << (i == 0 ? "" : ", ") << angles[static_cast<std::size_t>(i)];
-    elements << "m" << i << ": {inertia: 2}\n";
-    if (i == 0) continue;
-    torques << (i == 1 ? "" : ", ") << "k" << i;
-    elements << "k" << i << ": {type: variator_sim/ElasticCoupling, shafts: [m" << i - 1 << ", m"
-             << i << "], stiffness: 300, damping: 0}\n";
+  std::string shafts = "m0 2";
+  std::vector<std::string> springs;
+  for (int i = 1; i < count; ++i) {
+    const std::string n = std::to_string(i);
+    shafts += ", m" + n + " 2";
+    springs.push_back("k" + n + " = ElasticCoupling, shafts: [m" + std::to_string(i - 1) + ", m" +
+                      n + "], stiffness: 300, damping: 0");
   }
-  return "shafts: [" + shafts.str() + "]\n" + elements.str() + "torques: [" + torques.str() +
-         "]\ninitial: {angle: [" + start.str() + "]}\n";
+  return test::sceneText(shafts, springs, "initial: {angle: " + test::list(angles) + "}");
 }
 
 // Mode k of a free chain of n masses: phi_i = cos(pi k (i + 1/2)/n) cos(w_k t) with w_k = 2
@@ -52,33 +45,21 @@ TEST(Sizes, AChainSwingsInItsModes) {
 /// 64 shafts, with a variator at every fourth joint, whose ratio moves.
 Scene trainOfVariators(const std::string& principle, const std::string& stepper) {
   std::string shafts;
-  std::string torques = "drive";
-  std::string constraints;
-  std::string elements =
-      "drive: {type: variator_sim/ExpressionTorque, shaft: m0, torque: "
-      "\"50*sin(2*t)\"}\n";
+  std::vector<std::string> elements = {"drive on m0: 50*sin(2*t)"};
   for (int i = 0; i < 64; ++i) {
     const std::string n = std::to_string(i);
     const std::string joint = "shafts: [m" + n + ", m" + std::to_string(i + 1) + "], ";
-    shafts += (i == 0 ? "m" : ", m") + n;
-    elements += "m" + n + ": {inertia: " + std::to_string(1 + i % 7) + "}\nb" + n +
-                ": {type: variator_sim/Friction, shaft: m" + n + ", viscous: 0.3}\n";
-    torques += ", b" + n;
+    shafts += (i == 0 ? "m" : ", m") + n + " " + std::to_string(1 + i % 7);
+    elements.push_back("b" + n + " = Friction, shaft: m" + n + ", viscous: 0.3");
     if (i == 63) break;
-    if (i % 4 == 3) {
-      constraints += (constraints.empty() ? "v" : ", v") + n;
-      elements += "v" + n + ": {type: variator_sim/KinematicRatio, " + joint +
-                  "ratio: \"1 + 0.3*sin(t + " + n + ")\"}\n";
-    } else {
-      torques += ", k" + n;
-      elements += "k" + n + ": {type: variator_sim/ElasticCoupling, " + joint +
-                  "stiffness: 500, damping: 1}\n";
-    }
+    elements.push_back(
+        i % 4 == 3
+            ? "v" + n + " = KinematicRatio, " + joint + "ratio: \"1 + 0.3*sin(t + " + n + ")\""
+            : "k" + n + " = ElasticCoupling, " + joint + "stiffness: 500, damping: 1");
   }
-  return test::sceneFromText("shafts: [" + shafts + "]\ntorques: [" + torques +
-                             "]\nconstraints: [" + constraints + "]\n" + elements +
+  return test::sceneFromText(shafts, elements,
                              "principle: " + principle + "\nsolver: {stepper: " + stepper +
-                             ", relative_tolerance: 1e-10, absolute_tolerance: 1e-10}\n");
+                                 ", relative_tolerance: 1e-10, absolute_tolerance: 1e-10}");
 }
 
 // The steppers have no text in common: the series solve for the reactions by the program's rows,

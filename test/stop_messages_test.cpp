@@ -1,15 +1,12 @@
 // Stop messages: the element at fault, its number, and a value that helps.
-#include <gtest/gtest.h>
-
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "support/clutch.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
 namespace {
+
+using test::sceneText;
 
 /// How the scene's motion stops until `end`; "" where it does not.
 std::string stopOf(const std::string& scene, double end) {
@@ -25,20 +22,17 @@ void expectNoText(const std::string& text, const std::string& part) {
   EXPECT_EQ(text.find(part), std::string::npos) << part << " is in\n" << text;
 }
 
-const char* const kTorque = ": {type: variator_sim/ExpressionTorque, shaft: ";
-
 // --- NonFiniteValue --------------------------------------------------------------------------
 
 // Accelerations that are not finite make the rate of every torque so that reads a speed.
 TEST(NonFiniteValue, BlamesTheTorqueThatMakesItAndNotWhatReadsTheAccelerations) {
   for (const char* principle : {"gauss", "generalized_gauss"}) {
-    for (const char* order : {"[engine, fluid]", "[fluid, engine]"}) {
+    std::vector<std::string> torques = {"engine on pump: 30 - 0.1*w_pump",
+                                        "fluid on pump: -w_turbine/w_pump"};
+    for (const bool swapped : {false, true}) {
+      if (swapped) std::swap(torques[0], torques[1]);
       const std::string text = stopOf(
-          std::string("shafts: [pump, turbine]\npump: {inertia: 1.5}\nturbine: {inertia: 3.2}\n") +
-              "torques: " + order + "\nengine" + kTorque +
-              "pump, torque: '30 - 0.1*w_pump'}\nfluid" + kTorque +
-              "pump, torque: '-w_turbine/w_pump'}\nprinciple: " + principle + "\n",
-          1.0);
+          sceneText("pump 1.5, turbine 3.2", torques, std::string("principle: ") + principle), 1.0);
       expectText(text, "NonFiniteValue at t = 0 s");
       expectText(text, "torque 'fluid', its w_turbine/w_pump;");
       expectNoText(text, "'engine'");
@@ -49,29 +43,22 @@ TEST(NonFiniteValue, BlamesTheTorqueThatMakesItAndNotWhatReadsTheAccelerations) 
 // The rate of a root is infinite where the root is 0; that of `late`, which is to blame, comes
 // from its value.
 TEST(NonFiniteValue, AValueIsToBlameBeforeARate) {
-  const std::string text =
-      stopOf(std::string("shafts: [a]\na: {inertia: 1}\ntorques: [root, late]\nroot") + kTorque +
-                 "a, torque: 'sqrt(phi_a)'}\nlate" + kTorque +
-                 "a, torque: '2*log(w_a)'}\nprinciple: gauss\n",
-             1.0);
+  const std::string text = stopOf(
+      sceneText("a 1", {"root on a: sqrt(phi_a)", "late on a: 2*log(w_a)"}, "principle: gauss"),
+      1.0);
   expectText(text, "torque 'late', its log(w_a)");
 }
 
 TEST(NonFiniteValue, NamesThePartJustAhead) {
   const std::string text =
-      stopOf(std::string("shafts: [a]\na: {inertia: 1}\ntorques: [motor, load]\nmotor") + kTorque +
-                 "a, torque: '4 + w_a'}\nload" + kTorque + "a, torque: '-0.1*sqrt(5 - w_a)'}\n",
-             10.0);
+      stopOf(sceneText("a 1", {"motor on a: 4 + w_a", "load on a: -0.1*sqrt(5 - w_a)"}), 10.0);
   expectText(text, "NonFiniteValue at t = ");
   expectText(text, "torque 'load', its sqrt(5 - w_a)");
 }
 
 TEST(NonFiniteValue, BlamesAConstraintThatHasNoValue) {
   const std::string text = stopOf(
-      "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\nconstraints: [ratio]\nratio: {type: "
-      "variator_sim/ExpressionConstraint, order: 2, expression: 'e_b - e_a/w_a'}\ntorques: [m]\nm" +
-          std::string(kTorque) + "a, torque: '1 - w_a'}\nprinciple: gauss\n",
-      1.0);
+      sceneText("a 1, b 1", {"m on a: 1 - w_a", "ratio: e_b - e_a/w_a"}, "principle: gauss"), 1.0);
   expectText(text, "constraint 'ratio', its ");
   expectNoText(text, "torque 'm'");
 }
@@ -79,9 +66,8 @@ TEST(NonFiniteValue, BlamesAConstraintThatHasNoValue) {
 // --- Chattering ------------------------------------------------------------------------------
 
 std::string chatteringOf(const std::string& torque) {
-  return stopOf(std::string("shafts: [a]\na: {inertia: 1}\ntorques: [push, hold]\npush") + kTorque +
-                    "a, torque: '2 - 0.1*w_a'}\nhold" + kTorque + "a, torque: '" + torque +
-                    "'}\ninitial: {velocity: [1]}\nprinciple: gauss\n",
+  return stopOf(sceneText("a 1", {"push on a: 2 - 0.1*w_a", "hold on a: " + torque},
+                          "initial: {velocity: [1]}\nprinciple: gauss"),
                 10.0);
 }
 
@@ -102,9 +88,10 @@ TEST(Chattering, HintsAtWhatSuitsTheFunction) {
 // A gear that is chosen by the speed alone: as the hint says, it runs, and settles between.
 TEST(Chattering, TheHintForAnIfRuns) {
   const auto wheel = [](const std::string& gear) {
-    return std::string("shafts: [wheel]\nwheel: {inertia: 163}\ntorques: [engine, road]\nengine") +
-           kTorque + "wheel, torque: '200*(" + gear + ")'}\nroad" + kTorque +
-           "wheel, torque: '-2*w_wheel*abs(w_wheel)'}\nprinciple: gauss\n";
+    return sceneText(
+        "wheel 163",
+        {"engine on wheel: 200*(" + gear + ")", "road on wheel: -2*w_wheel*abs(w_wheel)"},
+        "principle: gauss");
   };
   expectText(stopOf(wheel("if(w_wheel < 30, 12.6, 7.7)"), 60.0), "torque 'engine'");
   Simulation smooth(
@@ -152,21 +139,15 @@ TEST(ToleranceTooSmall, NamesTheParameterOfAFormula) {
 // --- StepUnderflow, StepLimit ----------------------------------------------------------------
 
 TEST(StepUnderflow, NamesTheTorqueThatRunsAway) {
-  const std::string text =
-      stopOf(std::string("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [brake, "
-                         "blast]\nbrake") +
-                 kTorque + "a, torque: '3 - w_a'}\nblast" + kTorque +
-                 "b, torque: '1/(1 - t)^0.5 - 100*w_b'}\n",
-             2.0);
+  const std::string text = stopOf(
+      sceneText("a 1, b 1", {"brake on a: 3 - w_a", "blast on b: 1/(1 - t)^0.5 - 100*w_b"}), 2.0);
   expectText(text, "torque 'blast'");
   expectNoText(text, "torque 'brake'");
 }
 
 TEST(StepLimit, NamesTheFastestLawAndHowManyStepsWouldDo) {
-  const std::string scene =
-      std::string("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [slow, fast]\nslow") +
-      kTorque + "a, torque: '-w_a'}\nfast" + kTorque +
-      "b, torque: '5*sin(2000*t)'}\nsolver: {stepper: dopri5, maximum_steps: ";
+  const std::string scene = sceneText("a 1, b 1", {"slow on a: -w_a", "fast on b: 5*sin(2000*t)"}) +
+                            "solver: {stepper: dopri5, maximum_steps: ";
   const std::string text = stopOf(scene + "200}\n", 1.0);
   expectText(text, "StepLimit at t = ");
   expectText(text, "fastest changes torque 'fast'");
@@ -181,10 +162,8 @@ TEST(StepLimit, NamesTheFastestLawAndHowManyStepsWouldDo) {
 
 TEST(Friction, WarnsOfAStaticTorqueThatIsNeverReached) {
   const auto warningsOf = [](const std::string& numbers) {
-    return test::sceneFromText(
-               "shafts: [a]\na: {inertia: 1}\ntorques: [hold]\nhold: {type: "
-               "variator_sim/Friction, shaft: a, coulomb: 1, static: 1.5, " +
-               numbers + "}\n")
+    return test::sceneFromText("a 1",
+                               {"hold = Friction, shaft: a, coulomb: 1, static: 1.5, " + numbers})
         .warnings;
   };
   const auto warnings = warningsOf("stribeck_speed: 0.01, regularization_speed: 0.01");
@@ -205,12 +184,10 @@ TEST(BesideABrake, StopsNameTheElementAndAWayOut) {
       {"w_a^2", {"StepUnderflow", "ever faster", "the shafts run away, driven by torque 'q'"}},
       {"100*cos(5e4*t)", {"StepLimit", "'solver/maximum_steps: ", "fastest changes torque 'q'"}}};
   for (const auto& [torque, words] : stops) {
-    const std::string text =
-        stopOf("shafts: [a, spare]\na: {inertia: 1}\nspare: {inertia: 1}\ntorques: [q, brake]\nq" +
-                   std::string(kTorque) + "a, torque: '" + torque +
-                   "'}\nbrake: {type: variator_sim/Brake, shaft: spare, capacity: 5}\n" +
-                   "initial: {velocity: [1, 0]}\nsolver: {maximum_steps: 1000}\n",
-               3.0);
+    const std::string text = stopOf(
+        sceneText("a 1, spare 1", {"q on a: " + torque, "brake = Brake, shaft: spare, capacity: 5"},
+                  "initial: {velocity: [1, 0]}\nsolver: {maximum_steps: 1000}"),
+        3.0);
     for (const std::string& word : words) expectText(text, word);
   }
 }
@@ -218,14 +195,11 @@ TEST(BesideABrake, StopsNameTheElementAndAWayOut) {
 /// Returns the message of a start beside a brake: of a stop at once, or of a refusal.
 std::string startBesideABrake(const std::string& torque, const std::string& psi,
                               const std::string& velocity) {
-  const std::string scene =
-      "shafts: [a, b, spare]\na: {inertia: 1}\nb: {inertia: 2}\nspare: {inertia: 1}\ntorques: [q, "
-      "brake]\nq" +
-      std::string(kTorque) + "a, torque: '" + torque +
-      "'}\nbrake: {type: variator_sim/Brake, shaft: spare, capacity: 5}\nconstraints: [belt]\n"
-      "belt: {type: variator_sim/ExpressionConstraint, order: " +
-      (psi.find('e') == std::string::npos ? "1" : "2") + ", expression: '" + psi +
-      "'}\nverify_derivatives: false\ninitial: {velocity: " + velocity + "}\n";
+  const std::string scene = sceneText(
+      "a 1, b 2, spare 1",
+      {"q on a: " + torque, "brake = Brake, shaft: spare, capacity: 5",
+       std::string("belt of order ") + (psi.find('e') == std::string::npos ? "1: " : "2: ") + psi},
+      "verify_derivatives: false\ninitial: {velocity: " + velocity + "}");
   try {
     return stopOf(scene, 0.1);
   } catch (const SceneError& error) {

@@ -8,13 +8,11 @@
 
 namespace variator_sim::test {
 
-/// The head of scenes with two shafts.
-inline const std::string kShafts = R"yaml(
-shafts: [drive, load]
-drive: {inertia: 0.5}
-load: {inertia: 1.2}
-initial: {velocity: [10.0, 6.0]}
-)yaml";
+/// A scene of two shafts.
+inline std::string twoShafts(const std::vector<std::string>& elements,
+                             const std::string& keys = "") {
+  return sceneText("drive 0.5, load 1.2", elements, "initial: {velocity: [10, 6]}\n" + keys);
+}
 
 inline std::string hex(double value) {
   char text[64];
