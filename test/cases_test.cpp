@@ -1,13 +1,8 @@
 // The reference cases: motions computed in multiple precision by an independent implementation,
 // given to 20 digits. Every published quantity must agree to 1e-8 at tolerance 1e-11.
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
 #include <filesystem>
-#include <string>
 #include <tuple>
-#include <vector>
 
 #include "support/scenes.h"
 #include "variator_sim/io/command_file.h"

@@ -1,20 +1,11 @@
 // Every key of every scene, with every fault: refused with a message that names it, or run.
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
 #include <ctime>
 #include <filesystem>
-#include <functional>
-#include <limits>
-#include <map>
 #include <set>
-#include <string>
-#include <vector>
 
 #include "support/scenes.h"
 #include "variator_sim/errors.h"
-#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 namespace {

@@ -1,5 +1,4 @@
 // The nodelet, in a manager of Debian's and in this test as a manager of its own.
-#include <gtest/gtest.h>
 #include <nodelet/NodeletList.h>
 #include <nodelet/NodeletLoad.h>
 #include <nodelet/loader.h>
@@ -10,12 +9,9 @@
 #include <variator_sim/SimulationStatus.h>
 #include <variator_sim/Step.h>
 
-#include <algorithm>
 #include <chrono>
 #include <mutex>
-#include <string>
 #include <thread>
-#include <vector>
 
 #include "support/scenes.h"
 

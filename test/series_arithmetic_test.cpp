@@ -1,18 +1,11 @@
 // Both arithmetics of series (expression/series_dot.h): products that are rounded before they are
 // added, which processors without an instruction for a b + c have, and products that are not.
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
 #include <random>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "expression/series_dot.h"
 #include "support/machine_code_folder.h"
 #include "support/scenes.h"
-#include "variator_sim/simulation.h"
 
 namespace variator_sim {
 namespace {

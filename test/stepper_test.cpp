@@ -1,9 +1,6 @@
 // Steppers by name: their orders, by the error of fixed steps and by the steps that tolerances
 // take, and the tables of Radau IIA.
-#include <array>
-#include <cmath>
 #include <complex>
-#include <vector>
 
 #include "support/scenes.h"
 
