@@ -18,6 +18,7 @@ import rosunit
 import sympy as sp
 from scipy.integrate import solve_ivp
 
+from support.scenes import scene_text
 from support.simulate import SimulateTestCase
 
 PACKAGE = "variator_sim"
@@ -287,16 +288,9 @@ principle: %s
                                 *more)
 
     def test_principles_beside_each_other(self):
-        scene = """
-shafts: [a, b]
-a: {inertia: 1.5}
-b: {inertia: 2.5}
-torques: [m]
-m: {type: variator_sim/ExpressionTorque, shaft: a, torque: "3 + sin(t) - 0.2*w_a"}
-constraints: [gear]
-gear: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e_b - (RATIO)*e_a"}
-solver: {relative_tolerance: 1e-11, absolute_tolerance: 1e-11}
-"""
+        scene = scene_text("a 1.5, b 2.5", [
+            "m on a: 3 + sin(t) - 0.2*w_a",
+            "gear: e_b - (RATIO)*e_a"], "solver: {relative_tolerance: 1e-11, absolute_tolerance: 1e-11}")
         for ratio, least, most in (("0.6", 0.0, 1e-8), ("0.6+0.2*sin(t)", 0.01, 10.0)):
             path = self.write("scene.yaml", scene.replace("RATIO", ratio))
             result = self.check_simulate(path, "--duration", "5", "--compare-principles",
@@ -374,12 +368,7 @@ initial: {velocity: [1, 2]}
             self.assertAlmostEqual(float(a), float(b), delta=1e-7)
 
     def test_only_outputs_read_the_principle(self):
-        text = """
-shafts: [a]
-a: {inertia: 1}
-states: [s]
-s: {rate: "G_a"}
-"""
+        text = scene_text("a 1", [], "states: [s]", 's: {rate: "G_a"}')
         self.check_refused([self.write("scene.yaml", text), "--duration", "1"], "G_a", "outputs")
 
 

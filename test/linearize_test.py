@@ -12,6 +12,7 @@ import roslib.packages
 import rosunit
 import scipy.linalg
 
+from support.scenes import scene_text
 from support.simulate import SimulateTestCase
 
 PACKAGE = "variator_sim"
@@ -19,16 +20,11 @@ FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
 CONFIG = FOLDER / "config"
 RATIO_STEPS = str(CONFIG / "ratio_steps.yaml")
 SHIP = str(CONFIG / "ship.yaml")
-DRIFT = """
-shafts: [rotor, generator]
-rotor: {inertia: 4e7}
-generator: {inertia: 500}
-torques: [wind, gen, shaft]
-wind: {type: variator_sim/ExpressionTorque, shaft: rotor, torque: 4.2e6}
-gen: {type: variator_sim/ExpressionTorque, shaft: generator, torque: -43000}
-shaft: {type: variator_sim/ElasticCoupling, shafts: [rotor, generator], ratio: 0.01, stiffness: 9e8, damping: 6e6}
-principle: gauss
-"""
+DRIFT = scene_text("rotor 4e7, generator 500", [
+    "wind on rotor: 4.2e6",
+    "gen on generator: -43000",
+    "shaft = ElasticCoupling, shafts: [rotor, generator], ratio: 0.01, stiffness: 9e8, damping: 6e6"],
+    "principle: gauss")
 MATRICES = {"A": ("states", "states"), "B": ("states", "inputs"),
             "C": ("outputs", "states"), "D": ("outputs", "inputs")}
 

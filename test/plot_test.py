@@ -16,6 +16,7 @@ import numpy  # noqa: E402
 import roslib.packages  # noqa: E402
 import rosunit  # noqa: E402
 
+from support.scenes import scene_text  # noqa: E402
 from support.subtests import TestCase  # noqa: E402
 import variator_sim  # noqa: E402
 from variator_sim import planes, plotting, recordings  # noqa: E402
@@ -24,40 +25,20 @@ PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
 SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
 OBSERVED = FOLDER / "test/scenes/observed.yaml"
-SOFT = """
-shafts: [drive, load]
-drive: {inertia: 1.0}
-load: {inertia: 1.0}
-constraints: [soft]
-soft: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j2-j1"}
-"""
+SOFT = scene_text("drive 1.0, load 1.0", ["soft of order 3: j2-j1"])
 FREE = "shafts: [drive]\ndrive: {inertia: 2.0}\n"
-CONSTRAINED = """
-shafts: [a, b, c, d]
-a: {inertia: 1.0}
-b: {inertia: 1.0}
-c: {inertia: 1.0}
-d: {inertia: 1.0}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: a, torque: "5+3*sin(2*t)"}
-inputs: [ratio, push]
-ratio: {topic: ratio, hold: second_order_lag, time_constant: 0.3, initial: 0.6}
-push: {topic: push, hold: zero_order, initial: 0.0}
-constraints: [belt, soft, slip]
-belt: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2-ratio*w1"}
-slip: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1^2+e3^2+sin(phi1)*w3-3-push"}
-soft: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j4-j1"}
-initial: {velocity: [5, 3, 1, 0], acceleration: [1, 0.6, 1.4, 0], project: true}
-"""
+CONSTRAINED = scene_text("a 1.0, b 1.0, c 1.0, d 1.0", [
+    "motor on a: 5+3*sin(2*t)",
+    "belt of order 1: w2-ratio*w1",
+    "soft of order 3: j4-j1",
+    "slip: e1^2+e3^2+sin(phi1)*w3-3-push"], "inputs: [ratio, push]",
+    "ratio: {topic: ratio, hold: second_order_lag, time_constant: 0.3, initial: 0.6}",
+    "push: {topic: push, hold: zero_order, initial: 0.0}",
+    "initial: {velocity: [5, 3, 1, 0], acceleration: [1, 0.6, 1.4, 0], project: true}")
 GROUPS = "state,elements,inputs,outputs,energy"
-HOLDING = """
-shafts: [wheel]
-wheel: {inertia: 2.0}
-torques: [motor, brake]
-motor: {type: variator_sim/ExpressionTorque, shaft: wheel, torque: "4"}
-brake: {type: variator_sim/Brake, shaft: wheel, capacity: 10}
-initial: {velocity: [3.0]}
-"""
+HOLDING = scene_text("wheel 2.0", [
+    "motor on wheel: 4",
+    "brake = Brake, shaft: wheel, capacity: 10"], "initial: {velocity: [3.0]}")
 
 
 class PlotTest(TestCase):

@@ -14,6 +14,7 @@ import roslib.packages  # noqa: E402
 import rosunit  # noqa: E402
 import yaml  # noqa: E402
 
+from support.scenes import scene_text  # noqa: E402
 from support.subtests import TestCase  # noqa: E402
 import variator_sim  # noqa: E402
 from variator_sim.running import read_commands  # noqa: E402
@@ -29,32 +30,18 @@ SCENES = [(path, 2.0, path.with_suffix(".csv") if path.with_suffix(".csv").exist
           for path in sorted(CONFIG.glob("*.yaml")) + sorted(CONFIG.glob("applications/*.yaml"))]
 ARRAYS = ("A", "B", "C", "D", "x", "u", "y", "x_rate", "time")
 # dv/dt = (u - c w^2)/J: steady at w = sqrt(u/c), with the eigenvalue -2 c w/J.
-DRAG = """
-shafts: [drive]
-drive: {inertia: 2.0}
-torques: [motor, drag]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, initial: 8.0, max: 100}
-drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-0.5*w1*abs(w1)"}
-initial: {velocity: [1.0]}
-"""
+DRAG = scene_text("drive 2.0", [
+    "motor on drive from torque, initial: 8.0, max: 100",
+    "drag on drive: -0.5*w1*abs(w1)"], "initial: {velocity: [1.0]}")
 # One constraint of each order; w2 - i w1 = 0 with i = u + t/10.
-ORDERS = """
-shafts: [a, b, c, d]
-a: {inertia: 1.0}
-b: {inertia: 1.0}
-c: {inertia: 1.0}
-d: {inertia: 1.0}
-torques: [motor]
-motor: {type: variator_sim/CommandedTorque, shaft: a, topic: torque}
-inputs: [u, p]
-u: {topic: u, hold: second_order_lag, time_constant: 0.2, initial: 0.6}
-p: {topic: p, hold: zero_order, initial: 3.0}
-constraints: [first, second, third]
-first: {type: variator_sim/ExpressionConstraint, order: 1, expression: "w2-(u+t/10)*w1"}
-second: {type: variator_sim/ExpressionConstraint, order: 2, expression: "e1*e3+sin(phi1)*w3-p"}
-third: {type: variator_sim/ExpressionConstraint, order: 3, expression: "j4-j1"}
-initial: {velocity: [5.0, 3.0, 1.0, 0.0], acceleration: [1.0, 1.1, 3.0, 0.0]}
-"""
+ORDERS = scene_text("a 1.0, b 1.0, c 1.0, d 1.0", [
+    "motor on a from torque",
+    "first of order 1: w2-(u+t/10)*w1",
+    "second: e1*e3+sin(phi1)*w3-p",
+    "third of order 3: j4-j1"], "inputs: [u, p]",
+    "u: {topic: u, hold: second_order_lag, time_constant: 0.2, initial: 0.6}",
+    "p: {topic: p, hold: zero_order, initial: 3.0}",
+    "initial: {velocity: [5.0, 3.0, 1.0, 0.0], acceleration: [1.0, 1.1, 3.0, 0.0]}")
 
 
 def simulate(*arguments):

@@ -11,6 +11,7 @@ import roslib.packages
 import rosunit
 import yaml
 
+from support.scenes import scene_text
 from support.simulate import SimulateTestCase
 
 PACKAGE = "variator_sim"
@@ -25,14 +26,9 @@ COMMANDS = """time,topic,value
 """
 
 # Velocities fall with a time constant of 1/5 s once the torque is constant.
-RESTING = """
-shafts: [drive]
-drive: {inertia: 1.0}
-torques: [motor, drag]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, TIMEOUT}
-drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "-5*w1 + NOISE"}
-initial: {velocity: [3.0]}
-"""
+RESTING = scene_text("drive 1.0", [
+    "motor on drive from torque, TIMEOUT",
+    "drag on drive: -5*w1 + NOISE"], "initial: {velocity: [3.0]}")
 
 
 def resting(noise="0", timeout="hold: zero_order"):
