@@ -4,37 +4,28 @@
 import pathlib
 import re
 import shutil
-import subprocess
-import tempfile
 
 import roslib.packages
 import rosunit
 
-from support.subtests import TestCase
+from support.scenes import scene_text
+from support.simulate import SIMULATE, call, parse
+from support.subtests import FolderTestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
-SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
 
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
-PATIENCE = 120.0  # s; only a failure takes as long
 
 # Symbols of the library of mathematics, and those that compilers add on their own account.
 FREESTANDING = set("""acos asin atan atan2 cos cosh exp expm1 fabs fmax fmin frexp ldexp log pow sin
                       sincos sinh sqrt tan tanh memcpy memset memmove __stack_chk_fail
                       _GLOBAL_OFFSET_TABLE_""".split())
 
-MOTOR = """
-shafts: [drive, load]
-drive: {inertia: 0.5}
-load: {inertia: 1.2}
-torques: [motor, drag%s]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "8*(1-w1/40)"}
-drag: {type: variator_sim/ExpressionTorque, shaft: load, torque: "-0.1*w2"}
-"""
-SLIP = """constraints: [variator]
-variator: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.3*(e2-0.8*e1)+w2-0.8*w1"}
-"""
+
+def plant(*keys, motor="8*(1-w1/40)", variator="0.3*(e2-0.8*e1)+w2-0.8*w1"):
+    return scene_text("drive 0.5, load 1.2", [
+        f"motor on drive: {motor}", "drag on load: -0.1*w2", f"variator: {variator}"], *keys)
 
 
 class Scene:
@@ -88,21 +79,7 @@ SCENES = {
 }
 
 
-def call(*words, **options):
-    return subprocess.run(list(map(str, words)), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                          text=True, timeout=PATIENCE, check=False, **options)
-
-
-def parse(text):
-    lines = [line.split(",") for line in text.splitlines()]
-    return lines[0], [list(map(float, line)) for line in lines[1:]]
-
-
-class EmitCTest(TestCase):
-    def setUp(self):
-        self.folder = pathlib.Path(tempfile.mkdtemp())
-        self.addCleanup(shutil.rmtree, self.folder)
-
+class EmitCTest(FolderTestCase):
     def need(self, *programs):
         for program in programs:
             if shutil.which(program) is None:
@@ -165,7 +142,7 @@ class EmitCTest(TestCase):
                 self.compile(name, "clang", "-O0")
 
     def test_compiles_where_nothing_is_there_to_count(self):
-        self.emit("lone", "shafts: [a]\na: {inertia: 1.0}\n")
+        self.emit("lone", scene_text("a 1", []))
         program = self.compile("lone", "gcc", "-O2")
         done = call(program, "--duration", 1, "--rate", 1)
         self.assertEqual(done.returncode, 0, done.stderr)
@@ -242,7 +219,7 @@ class EmitCTest(TestCase):
 
     def test_overwrites_what_it_wrote_and_nothing_else(self):
         path = self.folder / "plant.yaml"
-        path.write_text(MOTOR % "" + SLIP)
+        path.write_text(plant())
         written = ("plant.h", "plant.c", "main.c", "README.md", "Makefile")
 
         def emit(folder):
@@ -329,27 +306,6 @@ class EmitCTest(TestCase):
             self.assertAlmostEqual(got[1], rows[0][header.index("load/angle")], delta=1e-8)
             self.assertAlmostEqual(got[2], rows[0][header.index("load/acceleration")], delta=1e-8)
 
-    def test_a_jump_of_least_reactions_is_the_limit_of_ramps(self):
-        curved = MOTOR % ", pulse" + """
-pulse: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "PULSE"}
-constraints: [variator]
-variator:
-  type: variator_sim/ExpressionConstraint
-  order: 2
-  expression: "0.5*(e2-0.8*e1)+0.01*(e1^2+e1*e2)+w2-0.8*w1"
-principle: gauss
-initial: {velocity: [10.0, 8.0]}
-"""
-        self.emit("jump", curved.replace("PULSE", "if(t < 1, 0, 3)"))
-        got = call(self.compile("jump", "gcc", "-O0"), "--duration", 1.2, "--rate", 1)
-        self.assertEqual((got.returncode, got.stderr), (0, ""))
-        ramp = self.folder / "ramp.yaml"
-        ramp.write_text(curved.replace("PULSE", "3*clamp((t-1)/1e-5, 0, 1)"))
-        expected = call(SIMULATE, ramp, "--times", 1.2)
-        header, rows = parse(expected.stdout)
-        velocity = header.index("drive/velocity")
-        self.assertAlmostEqual(parse(got.stdout)[1][-1][velocity], rows[0][velocity], delta=3e-4)
-
     def test_statuses(self):
         self.emit("edges", SCENES["edges"].scene)
         out = self.run_harness("edges", """
@@ -381,41 +337,27 @@ initial: {velocity: [10.0, 8.0]}
         self.assertGreater(last, at - 0.021)
 
     def test_stops_where_a_torque_ends(self):
-        self.check_stops("ends", MOTOR.replace("8*(1-w1/40)", "sqrt(1-t)") % "" + SLIP, "", 1.0)
+        self.check_stops("ends", plant(motor="sqrt(1-t)"), "", 1.0)
 
     def test_stops_where_no_branch_goes_on(self):
-        scene = "shafts: [a]\na: {inertia: 1.0}\ntorques: [dry]\n" \
-                "dry: {type: variator_sim/ExpressionTorque, shaft: a, torque: \"-2*sign(w1)\"}\n" \
-                "initial: {velocity: [3.0]}\n"
+        scene = scene_text("a 1", ["dry on a: -2*sign(w1)"], "initial: {velocity: [3.0]}")
         self.check_stops("dry", scene, "chattering", 1.5)
 
     def test_stops_where_the_constraint_jumps(self):
-        scene = MOTOR % "" + SLIP.replace("+w2", "+if(t < 1, 0, 0.1)+w2")
+        scene = plant(variator="0.3*(e2-0.8*e1)+if(t < 1, 0, 0.1)+w2-0.8*w1")
         self.check_stops("gap", scene, "a jump leads to no state", 1.0, 0.011)
 
     def test_stops_where_rank_is_lost(self):
-        scene = MOTOR % "" + SLIP.replace("0.3*(", "(1-t)*(")
-        self.check_stops("rank", scene, "", 1.0)
+        self.check_stops("rank", plant(variator="(1-t)*(e2-0.8*e1)+w2-0.8*w1"), "", 1.0)
 
     def test_stops_where_a_row_passes_zero(self):
         # Everything is finite on both sides and steps could well go over it.
-        scene = MOTOR % "" + SLIP
-        start = scene.index('expression: "') + len('expression: "')
-        scene = scene[:start] + "(1.003-t)*(e2-0.8*e1)" + scene[scene.index('"', start):]
-        self.check_stops("passes", scene, "singular", 1.003)
+        self.check_stops("passes", plant(variator="(1.003-t)*(e2-0.8*e1)"), "singular", 1.003)
 
     def test_stops_where_the_branch_of_the_least_reaction_ends(self):
-        scene = """
-shafts: [a, b]
-a: {inertia: 1.0}
-b: {inertia: 2.0}
-torques: [m]
-m: {type: variator_sim/ExpressionTorque, shaft: a, torque: "1"}
-constraints: [k]
-k: {type: variator_sim/ExpressionConstraint, order: 2, expression: "0.05*e2+e1^3-3*e1+t"}
-principle: gauss
-initial: {velocity: [0.0, 0.0]}
-"""
+        scene = scene_text("a 1.0, b 2.0", [
+            "m on a: 1",
+            "k: 0.05*e2+e1^3-3*e1+t"], "principle: gauss", "initial: {velocity: [0.0, 0.0]}")
         self.check_stops("fold", scene, "", 1.99979)
 
     def check_refused(self, scene, *parts):
@@ -428,13 +370,12 @@ initial: {velocity: [0.0, 0.0]}
         self.assertFalse((self.folder / "refused").exists())
 
     def test_refuses_by_name_what_it_cannot_write(self):
-        bent = SLIP.replace("+w2", "+0.01*abs(e1)+w2")
-        self.check_refused(MOTOR % "" + bent + "principle: gauss\n", "variator", "accelerations",
-                           "sqrt(x^2+1e-12)")
+        bent = plant("principle: gauss", variator="0.3*(e2-0.8*e1)+0.01*abs(e1)+w2-0.8*w1")
+        self.check_refused(bent, "variator", "accelerations", "sqrt(x^2+1e-12)")
 
     def test_usage(self):
         path = self.folder / "s.yaml"
-        path.write_text(MOTOR % "" + SLIP)
+        path.write_text(plant())
         self.assertIn("exclude", call(SIMULATE, path, "--emit-c", "x", "--explain").stderr)
         self.assertEqual(call(SIMULATE, path, "--emit-c").returncode, 2)
         (self.folder / "file").write_text("")

@@ -35,6 +35,7 @@ from variator_sim.msg import DrivetrainState, SimulationStatus
 
 from support import faulty_package
 from support.node_client import PATIENCE, Listener, NodeClient, wait_for
+from support.simulate import fake_compiler
 from support.subtests import TestCase
 
 PACKAGE = pathlib.Path(rospkg.RosPack().get_path('variator_sim'))
@@ -131,13 +132,10 @@ class FaultsTest(TestCase):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         folder = pathlib.Path(folder.name)
-        (folder / 'cc').write_text(f'#!/bin/sh\necho $$ >> {folder}/compilers\nexec sleep 1000\n',
-                                   encoding='utf-8')
-        (folder / 'cc').chmod(0o755)
+        path = fake_compiler(folder, f'echo $$ >> {folder}/compilers\nexec sleep 1000')
         upload('preparing', solver={'machine_code': 'always'})
         node = self.spawn(PROGRAM, '__name:=preparing',
-                          env={**os.environ, 'PATH': f'{folder}:/usr/bin:/bin',
-                               'VARIATOR_SIM_CACHE': str(folder / 'cache')})
+                          env={**os.environ, 'PATH': path, 'VARIATOR_SIM_CACHE': str(folder / 'cache')})
         client = self.client('preparing', states=False)
         status = client.status.wait()
         self.assertEqual((status.state, status.time), (SimulationStatus.RUNNING, 0.0))

@@ -18,23 +18,17 @@ import roslib.packages
 import rosunit
 
 from support.fmu import DISCARD, ERROR, OK, Archive, Instance
+from support.simulate import SIMULATE, call
 from support.subtests import TestCase
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
-SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
 SCHEMAS = os.environ.get("VARIATOR_SIM_FMI_SCHEMAS", "/usr/share/fmi")
-PATIENCE = 300.0  # s; only a failure takes as long
 SCENES = {"memory": "test/scenes/c/memory", "slip": "test/fmu/slip", "engine": "test/fmu/engine",
           "vehicle": "test/fmu/vehicle", "locomotive": "config/applications/diesel_locomotive"}
 # The quantities of the motion itself; others round in another order.
 MOTION = ("angle", "velocity", "acceleration", "applied_torque", "reaction_torque", "reaction_torque_rate", "residual",
           "multiplier", "slip", "reserve", "heat")
-
-
-def call(*words, **options):
-    return subprocess.run(list(map(str, words)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                          timeout=PATIENCE, check=False, **options)
 
 
 def parse(text):

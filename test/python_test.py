@@ -4,7 +4,6 @@
 import csv
 import os
 import pathlib
-import signal
 import subprocess
 import sys
 import tempfile
@@ -20,6 +19,8 @@ import roslib.packages  # noqa: E402
 import rosunit  # noqa: E402
 import yaml  # noqa: E402
 
+from support.scenes import scene_text  # noqa: E402
+from support.simulate import fake_compiler  # noqa: E402
 from support.subtests import TestCase  # noqa: E402
 import variator_sim  # noqa: E402
 
@@ -31,12 +32,9 @@ STEPS = FOLDER / "test/cases/torque_steps/scene.yaml"
 STEP_COMMANDS = FOLDER / "test/cases/torque_steps/commands.csv"
 STOPS = FOLDER / "test/scenes/stops.yaml"
 OBSERVED = FOLDER / "test/scenes/observed.yaml"
-FREE = """
-shafts: [drive]
-drive: {inertia: 2.0}
-torques: [motor]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque, max: 100}
-"""
+MOTOR = "motor on drive from torque, max: 100"
+FREE = scene_text("drive 2.0", [MOTOR])
+SPRING = scene_text("drive 2.0", [MOTOR, "spring on drive: -100*phi1"], "initial: {velocity: [3]}")
 
 
 def from_command_line(*arguments):
@@ -105,9 +103,8 @@ class PythonTest(TestCase):
     def test_a_stop_has_the_element_that_its_message_names(self):
         for torque, reason in (("1 - 3*sign(w_a)", "Chattering"), ("-9*w_a^-3", "StepUnderflow"),
                                ("100*cos(5e4*t)", "StepLimit")):
-            scene = ("shafts: [a]\na: {inertia: 1}\ntorques: [q]\nq: {type: variator_sim/ExpressionTorque, shaft: a, "
-                     f"torque: '{torque}'}}\ninitial: {{velocity: [1]}}\nprinciple: gauss\n"
-                     "solver: {maximum_steps: 1000}\n")
+            scene = scene_text("a 1", [f"q on a: {torque}"], "initial: {velocity: [1]}", "principle: gauss",
+                               "solver: {maximum_steps: 1000}")
             with self.subTest(reason=reason), self.assertRaises(variator_sim.MotionStopped) as caught:
                 variator_sim.simulate(scene, 10.0)
             self.assertEqual(caught.exception.reason, reason)
@@ -119,18 +116,13 @@ class PythonTest(TestCase):
             variator_sim.simulate(SHIP, 2.0)
         with self.assertWarnsRegex(UserWarning, "the command 200 on 'torque' is above"):
             variator_sim.simulate(FREE, 1.0, commands={"torque": [(0.1, 200.0), (0.2, 300.0)]})
-        spring = FREE.replace("motor]", "motor, spring]") + (
-            "spring: {type: variator_sim/ExpressionTorque, shaft: drive, torque: '-100*phi1'}\n"
-            "initial: {velocity: [3]}\nsolver: {stepper: rk4, step: 0.2}\n")
         with self.assertWarnsRegex(UserWarning, "fixed steps of 0.2 s are crude"):
-            variator_sim.simulate(spring, 1.0)
+            variator_sim.simulate(SPRING + "solver: {stepper: rk4, step: 0.2}\n", 1.0)
         with self.assertWarnsRegex(UserWarning, "1 commands lie outside"):
             variator_sim.simulate(FREE, 1.0, commands=[(2.0, "torque", 1.0)])
 
     def test_until_rest(self):
-        scene = FREE.replace("motor]", "motor, drag]") + (
-            "drag: {type: variator_sim/ExpressionTorque, shaft: drive, torque: '-5*w1'}\n"
-            "initial: {velocity: [3]}\n")
+        scene = scene_text("drive 2.0", [MOTOR, "drag on drive: -5*w1"], "initial: {velocity: [3]}")
         result = variator_sim.simulate(scene, 1000.0, until_rest=True)
         self.assertLess(result.time[-1], 100.0)
 
@@ -351,30 +343,6 @@ class PythonTest(TestCase):
             with self.subTest(words=words), self.assertRaisesRegex(kind, words):
                 fault()
 
-    def test_control_c_is_heard_where_a_motion_crawls(self):
-        # By dopri5 a step is as short as the stiffness asks for: 3e8 in one second of the motion.
-        crawl = """
-shafts: [a]
-a: {inertia: 1}
-torques: [drag]
-drag: {type: variator_sim/ExpressionTorque, shaft: a, torque: "sin(t) - 1e9*w_a"}
-solver: {stepper: dopri5, maximum_steps: 2000000000}
-"""
-        simulation = variator_sim.Simulation(crawl)
-        for run in (lambda: simulation.advance_to(1e6), lambda: variator_sim.simulate(crawl, 1e6),
-                    lambda: variator_sim.sweep(crawl, 1e6, grid={"a/inertia": [1.0, 2.0]},
-                                               metrics=["final(a/velocity)"], times=[1e6],
-                                               threads=2)):
-            alarm = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
-            alarm.start()
-            begin = time.monotonic()
-            with self.assertRaises(KeyboardInterrupt):
-                run()
-            self.assertLess(time.monotonic() - begin, 10.0)
-            alarm.join()
-        self.assertGreater(simulation.time, 0.0)  # and it goes on from there
-        simulation.advance(1e-9)
-
     def test_another_thread_goes_on_meanwhile(self):
         # Stiff and long enough for many blocks; the thread that moves it must not block the others.
         simulation = variator_sim.Simulation(SHIP, {"solver/maximum_step": 1e-4})
@@ -406,14 +374,19 @@ solver: {stepper: dopri5, maximum_steps: 2000000000}
 
     def test_ctrl_c_is_heard_in_every_call(self):
         terms = "*".join(f"(w1+{i}e-9)" for i in range(24000))
-        large = FREE.replace("motor]", "motor, m]") + (
-            f'm: {{type: variator_sim/ExpressionTorque, shaft: drive, torque: "{terms}"}}\n')
+        large = scene_text("drive 2", [f"m on drive: {terms}"])
         harmonics = ", ".join(f"{{order: {n + 1}, cos: 0.001}}" for n in range(1000))
-        rippled = variator_sim.Simulation(
-            "shafts: [a, b]\n" + "".join(f"{shaft}: {{inertia: {{mean: 1e6, harmonics: [{harmonics}]}}}}\n"
-                                               for shaft in "ab"))
+        rippled = variator_sim.Simulation("shafts: [a, b]\n" + "".join(
+            f"{shaft}: {{inertia: {{mean: 1e6, harmonics: [{harmonics}]}}}}\n" for shaft in "ab"))
         moved = variator_sim.Simulation(SHIP)
+        # By dopri5 a step is as short as the stiffness asks for: 3e8 in one second of the motion.
+        crawl = scene_text("a 1", ["drag on a: sin(t) - 1e9*w_a"],
+                           "solver: {stepper: dopri5, maximum_steps: 2000000000}")
+        crawls = variator_sim.Simulation(crawl)
         for name, call in [
+                ("crawl", lambda: crawls.advance_to(1e6)), ("crawl, simulate", lambda: variator_sim.simulate(crawl, 1e6)),
+                ("crawl, sweep", lambda: variator_sim.sweep(crawl, 1e6, grid={"a/inertia": [1.0, 2.0]}, times=[1e6],
+                                                            metrics=["final(a/velocity)"], threads=2)),
                 ("advance", lambda: moved.advance(1e9)),
                 ("simulate", lambda: variator_sim.simulate(SHIP, 1e9, rate=1e-3)),
                 ("sweep", lambda: variator_sim.sweep(SHIP, 1e9, grid={"drive/inertia": [1.0, 1.1]},
@@ -422,7 +395,9 @@ solver: {stepper: dopri5, maximum_steps: 2000000000}
                 ("linearize", rippled.linearize)]:
             with self.subTest(call=name):
                 self.assertLess(self.hear(call), 5.0)
-        # The motion goes on from where it was.
+        # The motions go on from where they were.
+        self.assertGreater(crawls.time, 0.0)
+        crawls.advance(1e-9)
         self.assertTrue(0.0 < moved.time < 1e9)
         moved.advance(1.0)
         other = variator_sim.Simulation(SHIP)
@@ -431,10 +406,7 @@ solver: {stepper: dopri5, maximum_steps: 2000000000}
 
     def test_ctrl_c_is_heard_while_a_compiler_runs(self):
         with tempfile.TemporaryDirectory() as folder:
-            compiler = pathlib.Path(folder) / "cc"
-            compiler.write_text("#!/bin/sh\nexec sleep 30\n", encoding="utf-8")
-            compiler.chmod(0o755)
-            environment = {"PATH": f"{folder}:{os.environ['PATH']}", "VARIATOR_SIM_CACHE": folder + "/cache"}
+            environment = {"PATH": fake_compiler(folder, "exec sleep 30"), "VARIATOR_SIM_CACHE": folder + "/cache"}
             simulation = variator_sim.Simulation(FREE)
             with mock.patch.dict(os.environ, environment):
                 self.assertLess(self.hear(simulation.compile), 4.0)
@@ -543,15 +515,12 @@ for call in (lambda: simulation.advance(-0.5), lambda: variator_sim.simulate(sto
     except (ValueError, RuntimeError) as error:
         print(error)
 """
-        spring = FREE.replace("motor]", "motor, spring]") + (
-            "spring: {type: variator_sim/ExpressionTorque, shaft: drive, torque: '-100*phi1'}\n"
-            "initial: {velocity: [3]}\n")
         with tempfile.TemporaryDirectory() as folder:
             made = subprocess.run(["localedef", "-i", "de_DE", "-f", "UTF-8", folder + "/de_DE.UTF-8"],
                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
             if made.returncode != 0:
                 self.skipTest("the sources of a locale with decimal commas are not installed")
-            texts = [subprocess.run([sys.executable, "-c", script, str(SHIP), str(STOPS), spring],
+            texts = [subprocess.run([sys.executable, "-c", script, str(SHIP), str(STOPS), SPRING],
                                     env={**os.environ, **environment}, check=True, text=True, timeout=60,
                                     stdout=subprocess.PIPE).stdout for environment in ({}, {"LOCPATH": folder})]
         self.assertIn("fixed steps of 0.2 s are crude", texts[0])

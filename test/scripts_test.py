@@ -5,19 +5,16 @@ import os
 import pathlib
 import re
 import shutil
-import subprocess
-import tempfile
 
 import roslib.packages
 import rosunit
 
-from support.subtests import TestCase
+from support.simulate import SIMULATE, call
+from support.subtests import FolderTestCase
 
 PACKAGE = "variator_sim"
 SCRIPTS = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE)) / "scripts"
-PATIENCE = 100.0  # s; only a failure takes as long
 
-SIMULATE = roslib.packages.find_node(PACKAGE, "simulate")[0]
 
 APT = """#!/bin/bash
 for word in "$@"; do if [[ $word == update ]]; then echo "dlstatus:1:50.0:Retrieving file 1 of 2"; exit; fi; done
@@ -33,16 +30,7 @@ def write(path, text):
     path.chmod(0o755)
 
 
-def call(*words, **options):
-    return subprocess.run([str(word) for word in words], stdin=subprocess.DEVNULL, capture_output=True, text=True,
-                          timeout=PATIENCE, check=False, **options)
-
-
-class ScriptsTest(TestCase):
-    def setUp(self):
-        self.folder = pathlib.Path(tempfile.mkdtemp())
-        self.addCleanup(shutil.rmtree, self.folder)
-
+class ScriptsTest(FolderTestCase):
     def install(self, **variables):
         """install_dependencies where nothing is installed and apt is a program of the test."""
         write(self.folder / "apt-get", APT)

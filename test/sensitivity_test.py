@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 """Derivatives of runs against central differences of runs at tolerances of 1e-12, and against closed forms."""
 
-import copy
 import csv
 import io
 import math

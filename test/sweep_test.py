@@ -8,36 +8,37 @@ import signal
 import stat
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 import unittest
+import warnings
 from unittest import mock
 
 os.environ["ROS_MASTER_URI"] = "http://localhost:1"
 
 import numpy  # noqa: E402
+try:
+    import distributed
+except ImportError:
+    distributed = None
 import roslib.packages  # noqa: E402
 import rosunit  # noqa: E402
 
 import variator_sim  # noqa: E402
 from variator_sim import sweeps  # noqa: E402
 from support import faulty_package  # noqa: E402
-from support.subtests import TestCase  # noqa: E402
+from support.scenes import scene_text  # noqa: E402
+from support.subtests import FolderTestCase  # noqa: E402
 
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
 SWEEP = str(FOLDER / "scripts/sweep")
 SHIP = FOLDER / "config/ship.yaml"
 # Speed (1 - exp(-t/T)) k with T = J/c and k = 1/c: what metrics are is known.
-LAG = """
-shafts: [drive]
-drive: {inertia: 1.0}
-torques: [motor]
-motor: {type: variator_sim/ExpressionTorque, shaft: drive, torque: "1 - c*w1", parameters: {c: 1.0}}
-outputs: [power]
-power: {expression: "w1*(1 - w1)"}
-"""
+LAG = scene_text("drive 1.0", [
+    'motor = ExpressionTorque, shaft: drive, torque: "1 - c*w1", parameters: {c: 1.0}'], "outputs: [power]",
+    'power: {expression: "w1*(1 - w1)"}')
+DRIVEN = LAG.replace("1 - c*w1", "u - c*w1") + "inputs: [u]\nu: {topic: u, initial: 1}\n"
 # usage: python3 -c .. SWEEP WORD...
 KILLED_AFTER_ONE_CHUNK = """
 import os, runpy, signal, sys
@@ -52,12 +53,7 @@ runpy.run_path(sys.argv[0], run_name="__main__")
 """
 
 
-class SweepTest(TestCase):
-
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
+class SweepTest(FolderTestCase):
 
     def command(self, output, *arguments):
         scene = self.folder / "scene.yaml"
@@ -111,12 +107,11 @@ class SweepTest(TestCase):
             numpy.testing.assert_allclose(table[name], value, rtol=0, atol=tolerance, err_msg=name)
 
     def test_a_controller_of_each_run(self):
-        scene = LAG.replace("1 - c*w1", "u - c*w1").replace("torques:", "inputs: [u]\nu: {topic: u, initial: 1}\ntorques:")
         grid = {"motor/parameters/c": [1.0, 2.0]}
         metrics = ["final(drive/velocity)", "min(drive/velocity)", "max(drive/acceleration)", "mean(drive/velocity)",
                    "integral(drive/velocity)", "settling(drive/velocity)", "settling(drive/velocity, 0.1)"]
-        plain = variator_sim.sweep(scene, 8.0, grid=grid, rate=100, metrics=metrics)
-        none = variator_sim.sweep(scene, 8.0, grid=grid, rate=100, metrics=metrics, controller=lambda values: lambda sample: None)
+        plain = variator_sim.sweep(DRIVEN, 8.0, grid=grid, rate=100, metrics=metrics)
+        none = variator_sim.sweep(DRIVEN, 8.0, grid=grid, rate=100, metrics=metrics, controller=lambda values: lambda sample: None)
         self.assertEqual(list(none), list(plain))
         for name in plain:
             if name == "reason":
@@ -132,18 +127,17 @@ class SweepTest(TestCase):
             return update
 
         output = self.folder / "out.csv"
-        table = variator_sim.sweep(scene, 30.0, grid=grid, metrics=["final(drive/velocity)"], controller=controller,
+        table = variator_sim.sweep(DRIVEN, 30.0, grid=grid, metrics=["final(drive/velocity)"], controller=controller,
                                    output=output)
         numpy.testing.assert_allclose(table["final(drive/velocity)"], 0.5, atol=1e-4)
         self.check_same(variator_sim.read_table(output), table)
         with self.assertRaisesRegex(TypeError, "controller: 5; allowed: a function"):
-            variator_sim.sweep(scene, 1.0, grid=grid, metrics=["final(drive/velocity)"], controller=5)
+            variator_sim.sweep(DRIVEN, 1.0, grid=grid, metrics=["final(drive/velocity)"], controller=5)
         for fault in (lambda values: None, lambda values: {"u": 1.0}):
             with self.assertRaisesRegex(TypeError, "controller: returned .*as `simulate` has it"):
-                variator_sim.sweep(scene, 1.0, grid=grid, metrics=["final(drive/velocity)"], controller=fault)
+                variator_sim.sweep(DRIVEN, 1.0, grid=grid, metrics=["final(drive/velocity)"], controller=fault)
 
     def test_a_controller_that_raises_costs_its_run_only(self):
-        scene = LAG.replace("1 - c*w1", "u - c*w1").replace("torques:", "inputs: [u]\nu: {topic: u, initial: 1}\ntorques:")
         call = dict(duration=1.0, grid={"motor/parameters/c": [1.0, 2.0, 3.0]}, metrics=["final(drive/velocity)"])
 
         def make(values):
@@ -151,13 +145,12 @@ class SweepTest(TestCase):
                 return lambda sample: {"u": 1.0 / (sample.time - 0.5)}
             return lambda sample: None
 
-        table = variator_sim.sweep(scene, controller=make, period=0.5, **call)
+        table = variator_sim.sweep(DRIVEN, controller=make, period=0.5, **call)
         numpy.testing.assert_array_equal(numpy.isnan(table["final(drive/velocity)"]), [False, True, False])
         self.assertEqual(list(table["reason"]), [
             "", "ZeroDivisionError: float division by zero (in the run with motor/parameters/c=2.0)", ""])
 
     def test_a_sweep_with_a_controller_goes_on(self):
-        scene = LAG.replace("1 - c*w1", "u - c*w1").replace("torques:", "inputs: [u]\nu: {topic: u, initial: 1}\ntorques:")
         call = dict(duration=1.0, grid={"motor/parameters/c": [1.0, 2.0, 3.0]}, metrics=["final(drive/velocity)"],
                     output=self.folder / "out.csv")
 
@@ -175,37 +168,17 @@ class SweepTest(TestCase):
             return make
 
         with self.assertRaises(KeyboardInterrupt):
-            variator_sim.sweep(scene, controller=maker(1.0), **call)
+            variator_sim.sweep(DRIVEN, controller=maker(1.0), **call)
         self.assertEqual(watch.made, [1.0, 2.0])
         for change in (dict(controller=maker(1.5)), dict(controller=None), dict(controller=maker(1.0), period=0.02),
                        dict(controller=lambda values: lambda sample: None)):
             with self.assertRaisesRegex(RuntimeError, "other values"):
-                variator_sim.sweep(scene, **{**call, **change})
+                variator_sim.sweep(DRIVEN, **{**call, **change})
         watch.made, watch.last = [], 3.0
-        table = variator_sim.sweep(scene, controller=maker(1.0), **call)
+        table = variator_sim.sweep(DRIVEN, controller=maker(1.0), **call)
         self.assertEqual(watch.made, [3.0])
         del call["output"]
-        self.check_same(table, variator_sim.sweep(scene, controller=maker(1.0), **call))
-
-    def test_files_of_a_scene_count(self):
-        """In the folder of the scene and in packages: other contents are another sweep."""
-        import os
-        from unittest import mock
-        package = self.folder / "src/nested/folder"
-        package.mkdir(parents=True)
-        (package / "package.xml").write_text("<package><name>maps</name></package>", encoding="utf-8")
-        grid = {"drive/inertia": numpy.array([1.0])}
-        for name, place in [("m.csv", self.folder / "m.csv"), ("package://maps/m.csv", package / "m.csv")]:
-            scene = self.folder / "scene.yaml"
-            scene.write_text(LAG + f"tables: [map]\nmap: {{file: '{name}', x: x, values: y}}\n", encoding="utf-8")
-            prints = set()
-            with mock.patch.dict(os.environ, ROS_PACKAGE_PATH=str(self.folder / "src")):
-                for value in (1, 2):
-                    place.write_text(f"x,y\n0,0\n1,{value}\n", encoding="utf-8")
-                    task = sweeps.Task(scene, 1.0, 100.0, None, None, None, list(grid), numpy.array([[1.0]]),
-                                       ["final(drive/velocity)"])
-                    prints.add(task.fingerprint(numpy.array([[1.0]]), (1, 1)))
-            self.assertEqual(len(prints), 2, name)
+        self.check_same(table, variator_sim.sweep(DRIVEN, controller=maker(1.0), **call))
 
     def test_a_row_is_its_run_on_any_number_of_threads(self):
         arguments = dict(duration=2.0, grid={"drive/inertia": "0.3:1.5:4"},
@@ -213,7 +186,6 @@ class SweepTest(TestCase):
                          metrics=["max(load/velocity)", "final(load/velocity)"])
         one = variator_sim.sweep(SHIP, threads=1, **arguments)
         self.check_same(variator_sim.sweep(SHIP, threads=4, **arguments), one)
-        import warnings
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             result = variator_sim.simulate(SHIP, 2.0, overrides={
@@ -426,10 +398,10 @@ class SweepTest(TestCase):
 
     # --- what is gone on with ---------------------------------------------------------------------
 
-    def fingerprint(self, scene=LAG, overrides=None, commands=None, rate=100.0):
+    def fingerprint(self, scene=LAG, overrides=None, commands=None, rate=100.0, path="drive/inertia"):
         values = numpy.array([[1.0], [2.0]])
-        task = sweeps.Task(scene, 1.0, rate, None, commands, overrides, ["drive/inertia"], values,
-                           ["final(drive/velocity)"])
+        task = sweeps.Task(scene, 1.0, rate, None, commands, overrides, [path], values,
+                           ["final(time)"])
         return task.fingerprint(values, (1, 1))
 
     def test_every_value_counts_to_the_bit(self):
@@ -443,12 +415,7 @@ class SweepTest(TestCase):
             return self.fingerprint(curve, {"curve/x": x, "curve/values": values})
         tree = {"shafts": ["drive"], "drive": {"inertia": 1.0}, "tables": ["curve"],
                 "curve": {"x": x, "values": x}}
-        commanded = """
-shafts: [drive]
-drive: {inertia: 1.0}
-torques: [motor]
-motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}
-"""
+        commanded = scene_text("drive 1.0", ["motor on drive from torque"])
         for first, second in [
                 (of(x), of(other)),
                 (self.fingerprint(tree), self.fingerprint({**tree, "curve": {"x": x, "values": other}})),
@@ -462,28 +429,17 @@ motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}
                               (self.fingerprint(rate=100), self.fingerprint(rate=numpy.float32(100)))]:
             self.assertEqual(first, second)
 
-    def interrupted(self, output, scene=LAG, **more):
+    def interrupted(self, output):
         """Leaves a journal with its first chunk."""
         keep = sweeps.Journal.add
 
         def add(*arguments):
             keep(*arguments)
             raise KeyboardInterrupt
-        call = dict(duration=1.0, grid={"drive/inertia": "0.5:2:200"}, metrics=["final(drive/velocity)"], **more)
+        call = dict(duration=1.0, grid={"drive/inertia": "0.5:2:200"}, metrics=["final(drive/velocity)"])
         with mock.patch.object(sweeps.Journal, "add", add), self.assertRaises(KeyboardInterrupt):
-            variator_sim.sweep(scene, output=output, threads=1, **call)
+            variator_sim.sweep(LAG, output=output, threads=1, **call)
         return call
-
-    def test_another_array_is_another_sweep(self):
-        scene = LAG.replace("1 - c*w1", "curve(w1) - c*w1") + "tables: [curve]\ncurve: {x: [0, 1], values: [0, 1]}\n"
-        x = numpy.linspace(0.0, 10.0, 1200)
-        other = 5.0 + numpy.cos(x)
-        other[10:-10] += 100.0
-        output = self.folder / "out.csv"
-        call = self.interrupted(output, scene, overrides={"curve/x": x, "curve/values": 5.0 + numpy.cos(x)})
-        call["overrides"] = {"curve/x": x, "curve/values": other}
-        with self.assertRaisesRegex(RuntimeError, "other values"):
-            variator_sim.sweep(scene, output=output, **call)
 
     def test_lines_of_a_journal_that_are_no_rows_are_run_again(self):
         output = self.folder / "out.csv"
@@ -496,27 +452,24 @@ motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}
         self.check_same(table, variator_sim.sweep(LAG, **call))
         self.check_same(variator_sim.read_table(output), table)
 
-    def test_files_of_tables_lie_beside_the_scene_and_count(self):
-        with tempfile.TemporaryDirectory() as folder:
-            path = pathlib.Path(folder)
-            (path / "pull.csv").write_text("w,T\n0,1\n100,1\n", encoding="utf-8")
-            (path / "scene.yaml").write_text(
-                "shafts: [a]\na: {inertia: 1}\ntables: [T]\n"
-                "T: {file: pull.csv, x: w, values: T, interpolation: linear}\ntorques: [pull]\n"
-                "pull: {type: variator_sim/ExpressionTorque, shaft: a, torque: T(w_a)}\n", encoding="utf-8")
-            table = variator_sim.sweep(path / "scene.yaml", 2.0, grid={"a/inertia": [1.0, 2.0]},
-                                       metrics=["final(a/velocity)"])
-            numpy.testing.assert_allclose(table["final(a/velocity)"], [2.0, 1.0])
-
-            def fingerprint():
-                task = sweeps.Task(path / "scene.yaml", 2.0, 100.0, None, None, None, ["a/inertia"],
-                                   numpy.ones((1, 1)), ["final(a/velocity)"])
-                return task.fingerprint(numpy.ones((1, 1)), None)
-
-            before = fingerprint()
-            self.assertEqual(before, fingerprint())
-            (path / "pull.csv").write_text("w,T\n0,1\n100,2\n", encoding="utf-8")
-            self.assertNotEqual(before, fingerprint())
+    def test_files_of_tables_count(self):
+        """In the folder of the scene and in packages: other contents are another sweep."""
+        package = self.folder / "src/nested/folder"
+        package.mkdir(parents=True)
+        (package / "package.xml").write_text("<package><name>maps</name></package>", encoding="utf-8")
+        scene = self.folder / "scene.yaml"
+        for name, place in [("m.csv", self.folder / "m.csv"), ("package://maps/m.csv", package / "m.csv")]:
+            scene.write_text(scene_text("a 1", ["pull on a: map(w_a)"], "tables: [map]",
+                                        f"map: {{file: '{name}', x: x, values: y, interpolation: linear}}"), encoding="utf-8")
+            prints = []
+            with mock.patch.dict(os.environ, ROS_PACKAGE_PATH=str(self.folder / "src")):
+                for value in (1, 1, 2):
+                    place.write_text(f"x,y\n0,{value}\n100,{value}\n", encoding="utf-8")
+                    table = variator_sim.sweep(scene, 2.0, grid={"a/inertia": [1.0, 2.0]}, metrics=["final(a/velocity)"])
+                    numpy.testing.assert_allclose(table["final(a/velocity)"], [2.0 * value, value])
+                    prints.append(self.fingerprint(scene, path="a/inertia"))
+            self.assertEqual(prints[0], prints[1])
+            self.assertNotEqual(prints[0], prints[2])
 
     def test_a_file_that_is_no_journal_is_left_alone(self):
         journal = self.folder / "out.csv.journal"
@@ -588,8 +541,6 @@ motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}
         self.assertEqual(output.read_text(encoding="utf-8"), "old")
         self.assertEqual(list(self.folder.glob("*.part")), [])
 
-    # --- threads ----------------------------------------------------------------------------------
-
     # --- other machines ---------------------------------------------------------------------------
 
     def start(self, *words):
@@ -602,22 +553,16 @@ motor: {type: variator_sim/CommandedTorque, shaft: drive, topic: torque}
         self.addCleanup(stop)
         return process
 
+    @unittest.skipIf(distributed is None, "python3-distributed is not installed")
     def test_a_scheduler_that_is_not_there(self):
-        try:
-            import distributed  # noqa: F401
-        except ImportError:
-            self.skipTest("python3-distributed is not installed")
         with mock.patch.object(sweeps, "CONNECT_SECONDS", 0.5):
             for address in ("tcp://127.0.0.1:1", "nonsense"):
                 with self.assertRaisesRegex(RuntimeError, f"no Dask scheduler has answered at '{address}'"):
                     variator_sim.sweep(LAG, 1.0, grid={"drive/inertia": "1,2"}, scheduler=address,
                                        metrics=["final(drive/velocity)"])
 
+    @unittest.skipIf(distributed is None, "python3-distributed is not installed")
     def test_a_worker_of_two_is_killed(self):
-        try:
-            import distributed  # noqa: F401
-        except ImportError:
-            self.skipTest("python3-distributed is not installed")
         # The scheduler chooses a port and writes where it is; workers wait for that.
         place = self.folder / "scheduler.json"
         self.start("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0",

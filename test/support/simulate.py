@@ -3,38 +3,51 @@
 import os
 import pathlib
 import subprocess
-import tempfile
 
 import roslib.packages
 
-from support.subtests import TestCase
+from support.subtests import FolderTestCase
 
 SIMULATE = roslib.packages.find_node("variator_sim", "simulate")[0]
 
 
-class SimulateTestCase(TestCase):
+def fake_compiler(folder, script):
+    """A search path whose compiler is the script, of sh, written to the folder."""
+    compiler = pathlib.Path(folder, "bin/cc")
+    compiler.parent.mkdir()
+    compiler.write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+    compiler.chmod(0o755)
+    return f"{compiler.parent}:/usr/bin:/bin"
+
+
+def call(*words, **options):
+    """What a program does: its status and texts."""
+    return subprocess.run(list(map(str, words)), stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
+                          timeout=300.0, **options)
+
+
+def parse(text):
+    """Header and rows of a CSV text; the rows as floats."""
+    lines = text.splitlines()
+    return lines[0].split(","), [[float(word) for word in line.split(",")] for line in lines[1:]]
+
+
+class SimulateTestCase(FolderTestCase):
 
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
+        super().setUp()
         # No master is needed. Machine code is made for the test alone.
         self.environment = dict(os.environ, ROS_MASTER_URI="http://localhost:1",
                                 VARIATOR_SIM_CACHE=str(self.folder / "cache"))
-
-    def write(self, name, text):
-        path = self.folder / name
-        path.write_text(text, encoding="utf-8")
-        return str(path)
 
     def simulate(self, *arguments, **options):
         options.setdefault("stdout", subprocess.PIPE)
         return subprocess.run([SIMULATE, *arguments], stderr=subprocess.PIPE, text=True,
                               env=self.environment, timeout=60, check=False, **options)
 
-    def check_simulate(self, *arguments):
+    def check_simulate(self, *arguments, **options):
         """The same where it has to end well."""
-        result = self.simulate(*arguments)
+        result = self.simulate(*arguments, **options)
         self.assertEqual(result.returncode, 0, result.stderr)
         return result
 

@@ -1,6 +1,8 @@
-"""Subtests that rosunit tells of: its results show neither which one failed nor why."""
+"""Test cases: subtests that rosunit tells of, as its results show neither which one failed nor why, and folders."""
 
 import contextlib
+import pathlib
+import tempfile
 import traceback
 import unittest
 
@@ -25,3 +27,17 @@ class TestCase(unittest.TestCase):
     def _tell_failed(self):
         failed, self._failed = self._failed, []
         raise self.failureException("\n".join([f"{len(failed)} subtests failed", *failed]))
+
+
+class FolderTestCase(TestCase):
+    """With a folder of its own for each test."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+
+    def write(self, name, text):
+        path = self.folder / name
+        path.write_text(text, encoding="utf-8")
+        return str(path)
