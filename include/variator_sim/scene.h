@@ -112,6 +112,8 @@ struct Scene {
   SolverSettings solver;
   /// The scene as read, without node parameters: `~scene` publishes it as resolved parameters.
   ParameterTree resolved;
+  /// What a scene with parts was read from; nothing for others.
+  ParameterTree with_parts;
   /// End of messages about a failed start or a stop: numbers so large or small that they may be to
   /// blame; "" if there are none.
   std::string extreme_numbers;
@@ -148,8 +150,8 @@ Scene readScene(const ParameterTree& tree, ComponentFactory& factory,
                 const NodeNames& node = nodeNames());
 
 /// Reads anew inertias, initial conditions and the solver's settings, which no formula depends on,
-/// from a tree that differs from that of `scene` in nothing else; empties `scene->resolved`. Much
-/// faster than readScene. Throws SceneError as readScene does; `scene` is then invalid.
+/// from a tree that differs from that of `scene` in nothing else; empties its trees. Much faster
+/// than readScene. Throws SceneError as readScene does; `scene` is then invalid.
 void rereadNumbers(const ParameterTree& tree, const NodeNames& node, Scene* scene);
 /// True for a path that rereadNumbers reads.
 bool isOutsideFormulas(const std::string& path, const Scene& scene);

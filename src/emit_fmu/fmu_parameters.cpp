@@ -79,7 +79,11 @@ struct FmuParameters::Form {
 /// Programs of the scene with other numbers.
 class FmuParameters::Trials {
  public:
-  Trials(const Scene& scene, const MakeProgram& make) : tree_(scene.resolved), make_(make) {
+  // (Where a scene has parts, paths lead into these.)
+  Trials(const Scene& scene, const MakeProgram& make)
+      : tree_(scene.with_parts.kind() == ParameterTree::Kind::kNothing ? scene.resolved
+                                                                       : scene.with_parts),
+        make_(make) {
     setValue(tree_, "verify_derivatives", ParameterTree::boolean(false));
   }
   /// Returns nullptr where the scene's reader refuses a number.

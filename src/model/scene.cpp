@@ -418,6 +418,7 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
   faults.tell();
   if (verify_derivatives) verifyDerivatives(scene);
   scene.resolved = resolve(tree, names, node.keys, scene, inertia, verify_derivatives);
+  if (merged) scene.with_parts = given;
   for (const ConstraintPtr& constraint : scene.constraints) warnOfEnergy(*constraint, &scene);
   return scene;
 }
@@ -432,7 +433,7 @@ void rereadNumbers(const ParameterTree& given, const NodeNames& node, Scene* sce
   tieMasslessShafts(scene);
   scene->initial = readInitial(root, scene->shafts.size());
   scene->solver = readSolver(root);
-  scene->resolved = {};
+  scene->resolved = scene->with_parts = {};
 }
 
 bool isOutsideFormulas(const std::string& path, const Scene& scene) {
