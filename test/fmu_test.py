@@ -212,11 +212,18 @@ class FmuTest(TestCase):
             self.assertAlmostEqual(instance.get([name])[0], float(row[name]), delta=1e-7 * abs(float(row[name])))
         self.assertEqual(instance.try_set({"initial/wheels/angle": 0.0}), ERROR)
         instance.free()
-        instance = Instance(self.archive("vehicle"))
-        self.assertEqual(instance.try_set({"initial/gearbox/velocity": 51.0}), OK)
-        self.assertEqual(instance.initialize(), ERROR)
-        self.assertIn("contradict", instance.log[-1][1])
-        instance.free()
+        for version in (2, 3):
+            instance = Instance(self.archive("vehicle", version))
+            self.assertEqual(instance.try_set({"initial/gearbox/velocity": 51.0}), OK)
+            self.assertEqual(instance.enter(), OK)
+            # Values that are no motion's are not shown as one's; the start values are.
+            self.assertEqual(instance.try_get(["gearbox/velocity"])[0], DISCARD)
+            self.assertEqual(instance.get(["initial/gearbox/velocity"]), [51.0])
+            self.assertEqual(instance.call("ExitInitializationMode"), ERROR)
+            self.assertIn("the initial values, or the first inputs, contradict each other", instance.log[-1][1])
+            self.assertEqual(instance.try_set({"initial/gearbox/velocity": 50.0, "initial/wheels/velocity": 10.0}), OK)
+            self.assertEqual(instance.try_get(["gearbox/velocity"])[0], OK)
+            instance.free()
 
     def test_start_time(self):
         names = ["motor/angle", "motor/velocity", "load/velocity", "clutch/torque", "clutch/heat"]
@@ -239,6 +246,22 @@ class FmuTest(TestCase):
                 self.assertIn("start time is", instance.log[-1][1])
                 self.assertIn("allowed: from 0", instance.log[-1][1])
             self.assertEqual(instance.initialize(3.0), OK, instance.log)
+            instance.free()
+
+    def test_stop_time(self):
+        for version in (2, 3):
+            instance = Instance(self.archive("slip", version))
+            self.assertEqual(instance.enter(2.0, 1.0), ERROR)
+            self.assertIn("the stop time is before the start time", instance.log[-1][1])
+            self.assertEqual(instance.enter(2.0, math.nan), ERROR)
+            self.assertEqual(instance.initialize(2.0, 2.3), OK, instance.log)
+            for k in range(3):  # the sum of tenths is not 0.3
+                self.assertEqual(instance.step(2.0 + 0.1 * k, 0.1), OK, instance.log)
+            self.assertEqual(instance.step(instance.get(["time"])[0], 0.001), ERROR)
+            self.assertIn("the step ends behind the stop time", instance.log[-1][1])
+            self.assertEqual(instance.call("Reset"), OK)
+            self.assertEqual(instance.initialize(), OK, instance.log)
+            self.assertEqual(instance.step(0.0, 5.0), OK, instance.log)
             instance.free()
 
     # --- parameters ---
@@ -274,6 +297,26 @@ class FmuTest(TestCase):
         self.check_parameters("locomotive", 3, {"train/wheel_radius": 0.6, "diesel/friction/regularization_speed": 1.3,
                                                 "train/quadratic": 25.0, "regulator/parameters/band": 3.0}, 4.0,
                               ["engine/angle", "axle/velocity", "axle/reaction_torque"])
+
+    def test_numbers_of_parts(self):
+        """They are those of `--set`, whose path leads into the part; what is a sum is no parameter."""
+        (self.folder / "axle.yaml").write_text(
+            "shafts: [input, left, right]\ninput: {inertia: 0.1}\nleft: {inertia: 0.5}\nright: {inertia: 0.6}\n"
+            "torques: [drag]\n"
+            "drag: {type: variator_sim/ExpressionTorque, shaft: left, torque: -k*w_left, parameters: {k: 0.5}}\n"
+            "constraints: [diff]\ndiff: {type: variator_sim/ExpressionConstraint, order: 1,\n"
+            "  expression: w_input - (w_left + w_right)/2}\n")
+        (self.folder / "parts.yaml").write_text(
+            "shafts: [engine, cardan]\nengine: {inertia: 1.2}\ncardan: {inertia: 0.2}\ntorques: [m, c]\n"
+            "m: {type: variator_sim/ExpressionTorque, shaft: engine, torque: 20*sin(t) + 0.1*w_front/left}\n"
+            "c: {type: variator_sim/ElasticCoupling, shafts: [engine, cardan], stiffness: 9, damping: 1}\n"
+            "parts: [front]\nfront: {file: axle.yaml, connect: {input: cardan}}\n")
+        SCENES["parts"] = str(self.folder / "parts")
+        numbers = [it for it in self.archive("parts").variables if it.startswith("scene/")]
+        self.assertNotIn("scene/cardan/inertia", numbers)
+        self.assertEqual(self.archive("parts").start("scene/front/left/inertia"), 0.5)
+        for values in ({"front/left/inertia": 0.9}, {"front/drag/parameters/k": 2.0, "engine/inertia": 3.0}):
+            self.check_parameters("parts", 3, values, 2.0, ["engine/velocity", "cardan/angle", "front/right/velocity"])
 
     def test_given_accelerations_are_moved_anew(self):
         """They are nearest to the scene's by the inertias that are set, and not to those of other ones."""

@@ -46,8 +46,8 @@ FMI_EXPORT void* fmi2Instantiate(const char* name, int type, const char* token,
 
 FMI_EXPORT int fmi2SetupExperiment(void* c, int has_tolerance, double tolerance, double start,
                                    int has_end, double end) {
-  (void)has_tolerance, (void)tolerance, (void)has_end, (void)end;
-  return fmu_begin_at(c, start, __func__);
+  (void)has_tolerance, (void)tolerance;
+  return fmu_begin_at(c, start, has_end ? end : INFINITY, __func__);
 }
 FMI_EXPORT int fmi2EnterInitializationMode(void* c) {
   return fmu_enter_initialization(c, __func__);

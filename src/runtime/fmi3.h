@@ -61,8 +61,8 @@ FMI_EXPORT void* fmi3InstantiateScheduledExecution(const char* name, const char*
 
 FMI_EXPORT int fmi3EnterInitializationMode(void* c, bool has_tolerance, double tolerance,
                                            double start, bool has_end, double end) {
-  const int status = fmu_begin_at(c, start, __func__);
-  (void)has_tolerance, (void)tolerance, (void)has_end, (void)end;
+  const int status = fmu_begin_at(c, start, has_end ? end : INFINITY, __func__);
+  (void)has_tolerance, (void)tolerance;
   return status == FMU_OK ? fmu_enter_initialization(c, __func__) : status;
 }
 FMI_EXPORT int fmi3EnterEventMode(void* c) {

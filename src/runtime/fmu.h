@@ -43,7 +43,7 @@ typedef struct {
   struct SeriesOperation operation[RESOLVED + 1];
   int phase;
   scene_status status;
-  double start;             /* s */
+  double start, stop;       /* s */
   double time;              /* the communication point, s */
   double begin, begin_rest; /* the start of the last step, s */
   int has_step, made_since;
@@ -193,7 +193,8 @@ static void fmu_start(fmu_motion* m) {
   m->is_seen = m->has_step = m->made_since = 0;
 }
 
-static void fmu_set_start(fmu_motion* m, double start) {
+static void fmu_set_times(fmu_motion* m, double start, double stop) {
+  m->stop = stop;
   m->start = m->time = m->origin = m->window = start;
   m->is_begun = 0;
 }
@@ -205,7 +206,7 @@ static void fmu_reset(fmu_motion* m) {
   m->phase = FMU_INSTANTIATED;
   m->is_start = 1;
   m->instant = -1;
-  m->expected = INFINITY;
+  m->expected = m->stop = INFINITY;
   for (i = 0; i < FMU_PARAMETERS; ++i) m->parameter[i] = fmu_parameter[i];
   for (i = 0; i < FMU_COMMANDS; ++i) m->given[i] = fmu_initial_input[fmu_command[i]];
   for (i = 0; i < INPUTS; ++i) m->commanded_at[i] = INFINITY;

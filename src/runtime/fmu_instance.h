@@ -76,8 +76,8 @@ static int fmu_enter_initialization(fmu_instance* f, const char* function) {
   return status;
 }
 
-/* The scene's time begins at `start`, s. */
-static int fmu_begin_at(fmu_instance* f, double start, const char* function) {
+/* The scene's time begins at `start`, s, and goes no further than `stop`. */
+static int fmu_begin_at(fmu_instance* f, double start, double stop, const char* function) {
   const int status = fmu_check(f, FMU_INSTANTIATED, function);
   char why[200];
   if (status != FMU_OK) return status;
@@ -86,14 +86,19 @@ static int fmu_begin_at(fmu_instance* f, double start, const char* function) {
            "time: t less a constant in the scene's formulas)",
            start);
   if (!(start >= 0.0 && start <= 1e9)) return fmu_fail(f, FMU_ERROR, function, why);
-  fmu_set_start(&f->motion, start);
+  if (!(stop >= start))
+    return fmu_fail(f, FMU_ERROR, function, "the stop time is before the start time");
+  fmu_set_times(&f->motion, start, stop);
   return FMU_OK;
 }
 
 static int fmu_stop(const fmu_instance* f, int status, const char* function) {
   char why[200];
-  snprintf(why, sizeof why, "the motion stops at %.17g s: %s", f->motion.time,
-           vs_status_text(f->motion.status));
+  if (f->motion.status == SCENE_INCONSISTENT)
+    snprintf(why, sizeof why, "the initial values, or the first inputs, contradict each other");
+  else
+    snprintf(why, sizeof why, "the motion stops at %.17g s: %s", f->motion.time,
+             vs_status_text(f->motion.status));
   return fmu_fail(f, status, function, why);
 }
 
@@ -111,6 +116,8 @@ static int fmu_do_step(fmu_instance* f, double from, double length, const char* 
     return fmu_fail(f, FMU_ERROR, function, "the step begins elsewhere than the last one ended");
   if (!isfinite(length) || length < 0.0)
     return fmu_fail(f, FMU_ERROR, function, "the length of the step is negative or not finite");
+  if (from + length > m->stop + 1e-9 * fmax(1.0, fabs(m->stop)))
+    return fmu_fail(f, FMU_ERROR, function, "the step ends behind the stop time");
   if (m->status == SCENE_OK) fmu_advance(m, from + length, f->uses_events && f->returns_early);
   return m->status == SCENE_OK ? FMU_OK : fmu_stop(f, FMU_DISCARD, function);
 }
@@ -127,6 +134,9 @@ static int fmu_get_numbers(fmu_instance* f, const unsigned* reference, size_t co
   for (n = 0; n < count; ++n) {
     if (!fmu_get(&f->motion, reference[n], &value[n]))
       return fmu_fail(f, FMU_ERROR, function, "no such number");
+    /* (Of a motion that has begun they are those of the last good state.) */
+    if (reference[n] < FMU_FIRST_PARAMETER && f->motion.is_start && f->motion.status != SCENE_OK)
+      return fmu_stop(f, FMU_DISCARD, function);
   }
   return FMU_OK;
 }

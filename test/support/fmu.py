@@ -74,15 +74,16 @@ class Instance:
         self.call("FreeInstance")
         self.c = None
 
-    def enter(self, start=0.0):
+    def enter(self, start=0.0, stop=None):
+        has_stop, end = stop is not None, c.c_double(stop or 0.0)
         if self.version == 2:
-            status = self.call("SetupExperiment", 0, c.c_double(0.0), c.c_double(start), 0, c.c_double(0.0))
+            status = self.call("SetupExperiment", 0, c.c_double(0.0), c.c_double(start), int(has_stop), end)
             return status or self.call("EnterInitializationMode")
         return self.call("EnterInitializationMode", c.c_bool(False), c.c_double(0.0), c.c_double(start),
-                         c.c_bool(False), c.c_double(0.0))
+                         c.c_bool(has_stop), end)
 
-    def initialize(self, start=0.0):
-        return self.enter(start) or self.call("ExitInitializationMode")
+    def initialize(self, start=0.0, stop=None):
+        return self.enter(start, stop) or self.call("ExitInitializationMode")
 
     def _numbers(self, word, names, values):
         count = len(names)
