@@ -291,7 +291,18 @@ VS_FUNCTION int vs_host_step(vs_host* h, double left, vs_exchange* to) {
   if (m->status == SCENE_OK && (EVENTS > 0 || DELAYS > 0)) {
     m->present = 1 - h->taken; /* the other series is free */
     m->status = vs_host_enter_past(h, &jumps);
-    if (m->status == SCENE_OK) m->status = vs_apply_events(m);
+    if (m->status == SCENE_OK) {
+      const scene_state end = m->now;
+      const long events = m->events;
+      m->status = vs_apply_events(m);
+      if (m->status != SCENE_OK) {
+        /* Nothing goes on behind what they set: the next step begins with them, and stops there. */
+        m->status = SCENE_OK;
+        m->now = end;
+        m->events = events;
+        m->is_begun = 0;
+      }
+    }
     if (jumps || m->has_set) to->is_event = 1;
   }
   rest = 0.0 * (m->now.time + m->now.time_rest);
