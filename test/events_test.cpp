@@ -34,6 +34,42 @@ void expectVelocity(Simulation& simulation, double time, double velocity, double
   EXPECT_NEAR(simulation.sample().reaction_torque[0], 0.0, 100.0 * allowed) << "at " << time;
 }
 
+// What the event sets sets it off again: w = t up to there, and no further.
+TEST(AnEventThatSetsItselfOff, StopsTheMotionAtItsOwnTime) {
+  forAll(shaftUnder("n",
+                    "variables: [n]\nn: {initial: 1}\nevents: [up]\n"
+                    "up: {when: w_a - 0.7, direction: both, set: {n: -n}}\n"),
+         [](Simulation& simulation) {
+           for (const double time : {0.1, 0.4, 0.69}) expectVelocity(simulation, time, time);
+           EXPECT_FALSE(simulation.advanceTo(2.0).ok());
+           EXPECT_EQ(simulation.status().reason, StopReason::kChattering);
+           EXPECT_NEAR(simulation.status().time, 0.7, 1e-7);
+           EXPECT_NEAR(simulation.sample().velocity[0], 0.7, 1e-7);
+         });
+}
+
+TEST(EventsThatNobodyTakes, AreCountedOrKept) {
+  constexpr int kEvents = 1909;  // zeros of the sine up to 2 s
+  for (const bool keeps : {false, true}) {
+    Simulation simulation(
+        test::sceneFromText(shaftUnder("0",
+                                       "variables: [n]\nn: {initial: 0}\nevents: [turn]\n"
+                                       "turn: {when: sin(3000*t), direction: both, "
+                                       "set: {n: n + 1}}\n")));
+    if (keeps) simulation.keepModeEvents();
+    ASSERT_TRUE(simulation.advanceTo(2.0).ok()) << simulation.describeStatus();
+    ModeEvent event;
+    int taken = 0;
+    double before = 0.0;
+    for (; simulation.takeModeEvent(&event); before = event.time, ++taken) {
+      EXPECT_NEAR(event.time, (keeps ? taken + 1 : taken + 1 + kEvents - 1024) * M_PI / 3000, 1e-9);
+      EXPECT_GT(event.time, before);
+    }
+    EXPECT_EQ(taken, keeps ? kEvents : 1024);
+    EXPECT_EQ(simulation.lostModeEvents(), keeps ? 0U : kEvents - 1024U);
+  }
+}
+
 TEST(SamplesAtAJump, AreOfOneSide) {
   for (const char* torque : {"2 + sign(t-0.5)", "if(t <= 0.5, 1, 3)", "if(t < 0.5, 1, 3)",
                              "2 - sign(0.5-t)", "if(0.5 <= t, 3, 1)"}) {

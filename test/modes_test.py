@@ -501,6 +501,12 @@ class ModesTest(FolderTestCase):
         # Inside the step that ends at the event, too, it holds; behind it 2 w' = 4 - 2.
         for time, speed in zip(result.time, result["wheel/velocity"]):
             self.assertAlmostEqual(speed, max(0.0, 3.0 - 3.0 * time, time - 1.5), delta=1e-8)
+        many = ("{shafts: [a], a: {inertia: 1}, variables: [n], n: {initial: 0}, events: [turn],"
+                " turn: {when: sin(3000*t), direction: both, set: {n: n + 1}}}")
+        steps = variator_sim.Simulation(many)
+        steps.advance(2.0)
+        self.assertEqual(len(steps.take_events()), 1909)  # zeros of the sine
+        self.assertEqual(len(variator_sim.simulate(many, times=[0.0, 2.0]).events), 1909)
         steps = variator_sim.Simulation(scene)
         taken = []
         for _ in range(30):

@@ -156,6 +156,30 @@ TEST_F(ScriptedLoop, AllocatesNothingPerTick) {
   EXPECT_EQ(allocations, 0);
 }
 
+// More events between two samples than are kept: the loop tells how many are missing.
+TEST(SteppingLoop, CountsTheEventsThatNobodyIsTold) {
+  ScriptedClock clock;
+  NodeSettings settings;
+  settings.tick_rate = 1.0;
+  settings.publish_rate = 1.0;
+  SteppingLoop loop(
+      Simulation(test::sceneFromText(
+          "shafts: [a]\na: {inertia: 1}\nvariables: [n]\nn: {initial: 0}\nevents: [turn]\n"
+          "turn: {when: sin(5000*t), direction: both, set: {n: n + 1}}\n")),
+      settings, clock);
+  loop.setSamplesWanted(true);
+  loop.setEventsWanted(true);
+  clock.on_sleep_ = [&](int tick) {
+    if (tick == 60) loop.stop();  // of 20 ms each
+  };
+  loop.run();
+  TimedEvent event;
+  int told = 0;
+  while (loop.popEvent(event)) ++told;
+  EXPECT_EQ(told, 1024);
+  EXPECT_GT(loop.droppedEvents(), 500U);
+}
+
 // The steps of one tick may take for ever: here 3e9 of them.
 TEST_F(ScriptedLoop, StopsInTheMidstOfATickThatCrawls) {
   settings_.tick_rate = settings_.publish_rate = 0.1;

@@ -1,6 +1,7 @@
 /// The motion of one scene: advances, takes commands, returns samples. Independent of wall time.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -65,6 +66,10 @@ class Simulation {
   /// Takes the oldest change of a mode, or event of the scene, up to the current time that has not
   /// been taken, of the last 1024; false if there is none. [loop]
   bool takeModeEvent(ModeEvent* event);
+  /// From now on all of them wait to be taken, for which advances allocate.
+  void keepModeEvents();
+  /// Returns the number of those that were forgotten before they were taken. [loop]
+  std::uint64_t lostModeEvents() const;
 
   /// Returns the time, s, of the next command timeout of any input; infinity if none. [loop]
   double nextTimeout() const;

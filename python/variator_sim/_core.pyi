@@ -177,8 +177,8 @@ class Simulation:
             project: move inconsistent values to the nearest consistent ones.
         """
     def take_events(self) -> List[Dict[str, Any]]:
-        """Changes of modes and events of the scene up to the present that have not been taken, of runs all, of
-        advances the last 1024: `time` (s), `element`, `from`, `to`, `torque` (N m), `impulse` (N m s)."""
+        """Changes of modes and events of the scene up to the present that have not been taken:
+        `time` (s), `element`, `from`, `to`, `torque` (N m), `impulse` (N m s)."""
     def reset(self) -> None:
         """Back to time 0 and the scene's start; commands and counts are forgotten."""
     def linearize(self, state: Optional[Mapping[str, Any]] = None, *, project: bool = False,

@@ -1,7 +1,8 @@
 /// Changes of modes, and events of the scene, until they are taken.
 #pragma once
 
-#include <algorithm>
+#include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "motion/exchange.h"
@@ -17,12 +18,18 @@ class ModeEvents {
   }
 
   void reset() { first_ = count_ = last_ = 0; }
+  /// From now on all of them wait, for which notes allocate.
+  void keepAll() { keeps_all_ = true; }
+  /// Number of those that were forgotten before they were taken. [loop]
+  std::uint64_t lostCount() const { return lost_; }
   /// Notes those of a step. Returns their number. [loop]
   std::size_t note(const vs_exchange& from) {
     last_ = static_cast<std::size_t>(from.event_count);
     for (std::size_t n = 0; n < last_; ++n) {
       const scene_event& it = from.events[n];
-      events_[count_++ % kMost] = {it.time, it.element, it.from, it.to, it.torque, it.impulse};
+      if (keeps_all_ && count_ - first_ == events_.size()) grow();
+      events_[count_++ % events_.size()] = {it.time, it.element, it.from,
+                                            it.to,   it.torque,  it.impulse};
     }
     return last_;
   }
@@ -37,22 +44,33 @@ class ModeEvents {
   void keepLast() { last_ = 0; }
   /// Takes the oldest one that is not after `time`, s. False if there is none. [loop]
   bool take(double time, ModeEvent* event) {
-    if (count_ > kMost) first_ = std::max(first_, count_ - kMost);
+    if (count_ > first_ + events_.size()) {
+      lost_ += count_ - events_.size() - first_;
+      first_ = count_ - events_.size();
+    }
     if (first_ >= count_) return false;
-    *event = events_[first_ % kMost];
+    *event = events_[first_ % events_.size()];
     if (event->time > time) return false;
     ++first_;
     return true;
   }
 
  private:
-  /// Those that wait to be taken; older ones are forgotten.
+  void grow() {
+    std::vector<ModeEvent> all(2 * events_.size());
+    for (std::size_t n = first_; n < count_; ++n) all[n % all.size()] = events_[n % events_.size()];
+    events_ = std::move(all);
+  }
+
+  /// Those that wait to be taken; older ones are forgotten unless all are kept.
   static constexpr std::size_t kMost = 1024;
 
   std::vector<ModeEvent> events_;  ///< a ring
   std::size_t first_ = 0;          ///< number of the first that waits
   std::size_t count_ = 0;          ///< number of the next one
   std::size_t last_ = 0;           ///< of these the last step has made
+  std::uint64_t lost_ = 0;
+  bool keeps_all_ = false;
 };
 
 }  // namespace variator_sim

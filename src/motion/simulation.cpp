@@ -72,6 +72,12 @@ void Simulation::reset() {
 bool Simulation::takeModeEvent(ModeEvent* event) {
   return motion_->takeModeEvent(event);
 }
+void Simulation::keepModeEvents() {
+  motion_->events.keepAll();
+}
+std::uint64_t Simulation::lostModeEvents() const {
+  return motion_->events.lostCount();
+}
 
 void Simulation::exhaustTime() {
   motion_->stop(StopReason::kTimeExhausted);

@@ -187,11 +187,10 @@ class PythonSimulation {
   py::list takeEvents() {
     Simulation& simulation = get();
     simulation.sample();  // the commands of the present act
-    ModeEvent event;
-    while (simulation.takeModeEvent(&event)) events_.push_back(event);
     const std::vector<std::string> names = scene().eventNames();
     py::list taken;
-    for (const ModeEvent& it : events_) {
+    ModeEvent it;
+    while (simulation.takeModeEvent(&it)) {
       py::dict told;
       told["time"] = it.time;
       told["element"] = names[static_cast<std::size_t>(it.element)];
@@ -201,7 +200,6 @@ class PythonSimulation {
       told["impulse"] = it.impulse;
       taken.append(told);
     }
-    events_.clear();
     return taken;
   }
   py::dict energy() {
@@ -234,10 +232,7 @@ class PythonSimulation {
     move([&] { is_loaded = simulation.loadMachineCode(true, true); });
     return is_loaded;
   }
-  void reset() {
-    get().reset();
-    events_.clear();
-  }
+  void reset() { get().reset(); }
 
   /// Maps (..., s) accelerations to (..., k) residuals.
   Array residuals(const DenseArray& accelerations) {
@@ -301,7 +296,6 @@ class PythonSimulation {
       }
       rows = python::run(simulation_, request, by.get());
     });
-    events_.insert(events_.end(), rows.events.begin(), rows.events.end());
     const auto columns = static_cast<py::ssize_t>(columnsOf(request.columns).size());
     const auto count = static_cast<py::ssize_t>(rows.values.size()) / columns;
     Array values({count, columns}, rows.values.data());
@@ -334,6 +328,7 @@ class PythonSimulation {
     withoutLock([&] {
       simulation = std::make_unique<Simulation>(readSceneWithPlugins(tree));
       simulation->trackEnergy(energy);
+      simulation->keepModeEvents();
       simulation->loadMachineCode(simulation->scene().solver.machine_code == MachineCode::kAlways);
     });
     return std::move(*simulation);
@@ -359,7 +354,6 @@ class PythonSimulation {
   const ParameterTree tree_;
   Simulation simulation_;
   std::shared_ptr<const SampleNames> names_;
-  std::vector<ModeEvent> events_;  ///< of runs, not yet taken
   bool is_busy_ = false;
 };
 

@@ -250,7 +250,6 @@ RunRows run(Simulation& simulation, const RunRequest& request, Sensitivity* sens
       quantities += maker.quantityCount();
     }
   }
-  rows.events = offline.events();
   return rows;
 }
 

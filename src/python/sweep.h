@@ -32,7 +32,6 @@ struct RunRequest {
 struct RunRows {
   std::vector<double> values;
   std::size_t ignored_commands = 0;  ///< those outside of the run
-  std::vector<ModeEvent> events;
 };
 
 /// Runs from the current time until the end, a stop or an interruption; `sensitivity`: adds its

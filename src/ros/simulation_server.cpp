@@ -385,6 +385,13 @@ void SimulationServer::publishEvents() {
     message.header.stamp = stampOf(timed.time, timed.clock_time);
     publish(event_publisher_, message);
   }
+  const std::uint64_t lost = loop_.droppedEvents();
+  if (lost == 0 || lost_events_told_) return;
+  lost_events_told_ = true;
+  ROS_WARN(
+      "%s: %llu events were lost: more came between two samples than are kept, or than could "
+      "be published; this is told once",
+      private_handle_.getNamespace().c_str(), static_cast<unsigned long long>(lost));
 }
 
 void SimulationServer::publishSamples() {

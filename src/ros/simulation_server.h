@@ -125,6 +125,7 @@ class SimulationServer {
   std::vector<NamedValues> quantity_messages_;  ///< of each group
   sensor_msgs::JointState joint_message_;
   std::int64_t published_time_ = 0;  ///< simulated time of /clock, ns
+  bool lost_events_told_ = false;
 
   // Status thread.
   SimulationStatus status_message_;

@@ -368,6 +368,7 @@ void SteppingLoop::pushSample() {
 
 void SteppingLoop::pushEvents() {
   const bool is_wanted = events_wanted_.load(std::memory_order_relaxed);
+  const std::uint64_t lost = simulation_.lostModeEvents();
   TimedEvent timed;
   bool has_news = false;
   while (simulation_.takeModeEvent(&timed.event)) {
@@ -377,6 +378,8 @@ void SteppingLoop::pushEvents() {
     events_.push(timed);
     has_news = true;
   }
+  if (is_wanted)
+    lost_events_.fetch_add(simulation_.lostModeEvents() - lost, std::memory_order_relaxed);
   if (has_news) sample_news_.post();
 }
 

@@ -102,6 +102,9 @@ class SteppingLoop {
     return dropped_commands_.load(std::memory_order_relaxed);
   }
   std::uint64_t droppedSamples() const { return samples_.dropped(); }
+  std::uint64_t droppedEvents() const {
+    return events_.dropped() + lost_events_.load(std::memory_order_relaxed);
+  }
   /// Turns samples at publish_rate on or off.
   void setSamplesWanted(bool wanted);
   /// Turns the energies of samples on or off.
@@ -210,6 +213,7 @@ class SteppingLoop {
   std::atomic<double> wanted_factor_;
   std::atomic<double> wanted_publish_rate_;
   std::atomic<std::uint64_t> dropped_commands_{0};
+  std::atomic<std::uint64_t> lost_events_{0};  ///< before they were taken
   EventDescriptor sample_news_;
   Semaphore news_;
   Semaphore answered_;

@@ -48,10 +48,11 @@ std::vector<std::string> describeDoubts(const Simulation& simulation) {
   return doubts;
 }
 
-std::string writeEvents(const std::vector<ModeEvent>& events, const Scene& scene) {
-  const std::vector<std::string> names = scene.eventNames();
+std::string writeEvents(Simulation& simulation) {
+  const std::vector<std::string> names = simulation.scene().eventNames();
   std::string text = "time,element,from,to,torque,impulse\n";
-  for (const ModeEvent& it : events) {
+  ModeEvent it;
+  while (simulation.takeModeEvent(&it)) {
     text += formatNumber(it.time) + "," + names[static_cast<std::size_t>(it.element)] + "," +
             modeName(it.from) + "," + modeName(it.to) + "," + formatNumber(it.torque) + "," +
             formatNumber(it.impulse) + "\n";
@@ -78,14 +79,7 @@ OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
 bool OfflineRun::reach(double time) {
   if (time <= simulation_.time()) return true;
   if (sensitivity_ != nullptr) sensitivity_->follow(simulation_);
-  const bool goes_on = simulation_.advanceTo(time).ok();
-  takeEvents();
-  return goes_on && simulation_.time() >= time;  // not interrupted
-}
-
-void OfflineRun::takeEvents() {
-  ModeEvent event;
-  while (simulation_.takeModeEvent(&event)) events_.push_back(event);
+  return simulation_.advanceTo(time).ok() && simulation_.time() >= time;  // not interrupted
 }
 
 void OfflineRun::applyCommands() {
@@ -94,7 +88,7 @@ void OfflineRun::applyCommands() {
     if (sensitivity_ != nullptr) sensitivity_->command(simulation_, command.input, command.value);
     if (simulation_.command(command.input, command.value) == CommandResult::kRefused &&
         ++refused_count_ == 1) {
-      first_refused_line_ = command.line;
+      first_refused_ = command;
     }
   }
 }
@@ -112,7 +106,6 @@ void OfflineRun::takeSample(SampleBlock& block) {
 
 void OfflineRun::addSample(SampleBlock& block) {
   const Sample& taken = simulation_.sample();
-  takeEvents();                            // of commands here
   if (!simulation_.status().ok()) return;  // a failed jump
   block.samples.push_back(taken);
   if (look_) look_(taken);

@@ -34,8 +34,8 @@ std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& co
 /// or drain the machine.
 std::vector<std::string> describeDoubts(const Simulation& simulation);
 
-/// Returns events as a CSV.
-std::string writeEvents(const std::vector<ModeEvent>& events, const Scene& scene);
+/// Takes the changes of modes and events of the scene that wait, and returns them as a CSV.
+std::string writeEvents(Simulation& simulation);
 
 /// Samples in order, and their quantities.
 struct SampleBlock {
@@ -182,8 +182,6 @@ class OfflineRun {
   void endAtRest() { rest_.begin(); }
   const RestWatch& rest() const { return rest_; }
 
-  /// The changes of modes and events of the scene so far.
-  const std::vector<ModeEvent>& events() const { return events_; }
   /// Calls `look` at each sample, where the simulation stands.
   void lookAt(std::function<void(const Sample&)> look) { look_ = std::move(look); }
   /// Adds derivatives to samples, behind the quantities; they have to outlive the run.
@@ -196,9 +194,9 @@ class OfflineRun {
   /// false when the run is complete.
   bool advanceBlock(double span, SampleBlock& block);
 
-  /// Number of commands rejected because they are NaN or infinite, and the line of the first.
+  /// Number of commands rejected because they are NaN or infinite, and the first.
   std::uint64_t refusedCount() const { return refused_count_; }
-  int firstRefusedLine() const { return first_refused_line_; }
+  const ResolvedCommand& firstRefused() const { return first_refused_; }
   /// Number of commands outside of the run.
   std::size_t ignoredCount() const { return ignored_count_; }
   std::size_t pastCount() const { return past_count_; }
@@ -212,7 +210,6 @@ class OfflineRun {
 
  private:
   bool reach(double time);
-  void takeEvents();
   void applyCommands();
   /// Looks for rest and saves the state where these are due.
   void serveEvents();
@@ -230,12 +227,11 @@ class OfflineRun {
   std::function<void(const Sample&)> look_;
   std::vector<QuantityGroup> groups_;
   Sensitivity* sensitivity_ = nullptr;
-  std::vector<ModeEvent> events_;
   std::size_t next_command_ = 0;
   std::size_t ignored_count_ = 0;
   std::size_t past_count_ = 0;
   std::uint64_t refused_count_ = 0;
-  int first_refused_line_ = 0;
+  ResolvedCommand first_refused_{};
   bool measures_sampling_ = false;
   double sampling_seconds_ = 0.0;
 };

@@ -188,7 +188,7 @@ int finish(Simulation& simulation, OfflineRun& offline_run, const SimulateOption
     }
   }
   if (!options.events_path.empty()) {
-    writeOutput(options.events_path, writeEvents(offline_run.events(), simulation.scene()));
+    writeOutput(options.events_path, writeEvents(simulation));
   }
   if (!options.until_rest || !simulation.status().ok() || g_signal != 0) return kSuccess;
   if (offline_run.rest().isReached()) {
@@ -204,9 +204,13 @@ int finish(Simulation& simulation, OfflineRun& offline_run, const SimulateOption
 int report(Simulation& simulation, OfflineRun& offline_run, const SimulateOptions& options,
            bool reader_has_gone, int exit_status) {
   if (offline_run.refusedCount() > 0) {
-    std::fprintf(stderr, "simulate: warning: %llu commands refused, not finite; the first: %s:%d\n",
-                 static_cast<unsigned long long>(offline_run.refusedCount()),
-                 escaped(options.commands_path, 300).c_str(), offline_run.firstRefusedLine());
+    const ResolvedCommand& first = offline_run.firstRefused();
+    const auto input = static_cast<std::size_t>(first.input);
+    std::fprintf(
+        stderr, "simulate: warning: %llu commands refused, not finite; the first: %s:%d, on '%s'\n",
+        static_cast<unsigned long long>(offline_run.refusedCount()),
+        escaped(options.commands_path, 300).c_str(), first.line,
+        escaped(simulation.scene().inputs[input].topic, 300).c_str());
   }
   if (!simulation.status().ok()) {
     std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
@@ -410,6 +414,7 @@ int runSamples(Simulation& simulation, const SimulateOptions& options) {
   if (options.compare_principles) {
     return comparePrinciples(simulation, commands, times, span.end, options) ? kSuccess : kStopped;
   }
+  if (!options.events_path.empty()) simulation.keepModeEvents();
   OfflineRun offline_run(simulation, times, std::move(commands), span.end);
   offline_run.observe(options.columns.quantities);
   if (options.until_rest) offline_run.endAtRest();
