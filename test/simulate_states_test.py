@@ -95,7 +95,7 @@ class SimulateStatesTest(SimulateTestCase):
     def test_states_that_contradict_the_constraints_are_refused_or_projected(self):
         state = self.write("state.yaml", "shafts: {drive: {velocity: 12, acceleration: 3}}\n")
         self.check_refused([STEPS, "--duration", "1", "--from-state", state], state,
-                           "accelerations", "residual of 'variator' = ", "nearest consistent")
+                           "accelerations", "residual of 'variator' = ", "consistent accelerations near them are")
         row = self.lines(STEPS, "--times", "0", "--from-state", state, "--set",
                          "initial/project=true")[-1].split(",")
         self.assertEqual(float(row[2]), 12.0)

@@ -83,7 +83,7 @@ class StatesTest(TestCase):
         before = self.get(self.saved)
         answer = self.set(self.saved, acceleration=[5.0, 5.0])
         self.assertFalse(answer.success)
-        for word in ('accelerations [5, 5]', "residual of 'variator'", 'nearest consistent'):
+        for word in ('accelerations [5, 5]', "residual of 'variator'", 'consistent accelerations near them are'):
             self.assertIn(word, answer.message)
         self.assertEqual(self.get(self.saved).text, before.text)
         answer = self.set(self.saved, acceleration=[5.0, 5.0], project=True)

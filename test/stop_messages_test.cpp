@@ -225,5 +225,37 @@ TEST(BesideABrake, StartsTellTheirFaultAndAWayOut) {
   expectText(singular, "constraint 'belt'");
 }
 
+TEST(InconsistentStarts, AreToldTheNearestValuesOnlyWhereTheyAre) {
+  const std::string circle =
+      "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 9}\nconstraints: [c]\nc: {type: "
+      "variator_sim/ExpressionConstraint, order: 2, expression: e_a^2 + e_b^2 - 4}\n"
+      "initial: {acceleration: [1, 0.2]}\n";
+  try {
+    Simulation simulation(test::sceneFromText(circle));
+    ADD_FAILURE();
+  } catch (const SceneError& error) {
+    expectText(error.what(), "; consistent accelerations near them are [");
+  }
+}
+
+// Points (x, x^2) of stationary distance from (t - 1, 2): 2 x^3 - 3 x = t - 1. The least, x < 0,
+// meets another one at x = -1/sqrt(2), t = 1 + sqrt(2); no tolerance leads further on its branch.
+TEST(SolutionsThatMeet, AreTold) {
+  const std::string scene =
+      "shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 1}\ntorques: [p, q]\n"
+      "p: {type: variator_sim/ExpressionTorque, shaft: a, torque: t - 1}\n"
+      "q: {type: variator_sim/ExpressionTorque, shaft: b, torque: 2}\nconstraints: [c]\n"
+      "c: {type: variator_sim/ExpressionConstraint, order: 2, expression: e_b - e_a^2}\n"
+      "principle: gauss\n";
+  // An event is no reason for another answer.
+  const std::string events =
+      "variables: [n]\nn: {initial: 0}\nevents: [e]\ne: {when: t - 1, set: {n: 1}}\n";
+  for (const std::string& more : {std::string(), events}) {
+    const std::string text = stopOf(scene + more, 5.0);
+    expectText(text, "ProjectionFailed at t = 2.414");
+    expectText(text, "two solutions for the accelerations meet here");
+  }
+}
+
 }  // namespace
 }  // namespace variator_sim

@@ -154,7 +154,8 @@ bool Motion::step() {
     return false;
   }
   if (progress.areRefused()) {
-    stop(StopReason::kToleranceTooSmall);
+    program.leave();
+    stop(stops.reasonOfRounding());
     status.time = front;
     return false;
   }
@@ -209,7 +210,7 @@ void Motion::stop(scene_status why) {
   // (Of accelerations that follow from the state: those of gauss.)
   const bool is_lost = it.rounding > 1.0 && status.reason == StopReason::kStepUnderflow;
   if (!is_lost || why != SCENE_TOO_MANY_STEPS) return;
-  status.reason = StopReason::kToleranceTooSmall;
+  status.reason = stops.reasonOfRounding();
   status.measure = it.rounding;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "dynamics/constraint_rows.h"
+#include "dynamics/dense.h"
 #include "motion/motion.h"
 #include "motion/stop_message.h"
 
@@ -193,6 +194,45 @@ bool StopSearch::leapsAhead(const double* slope, double least) {
   return false;
 }
 
+StopReason StopSearch::reasonOfRounding() {
+  return doSolutionsMeet() ? StopReason::kProjectionFailed : StopReason::kToleranceTooSmall;
+}
+
+bool StopSearch::doSolutionsMeet() {
+  // Points of stationary reaction meet where the matrix of Newton's iteration for them,
+  //     [ J - sum lambda_m H_m   -C^T ]
+  //     [ C                       0   ],
+  // becomes singular: without H the answer d to a force J r is no longer than r.
+  constexpr double kGain = 1e3;
+  const int K = scene_.constraintCount();
+  const MotionProgram& text = program_.text();
+  if (text.IS_CLASSICAL == 0 || text.HOLDS > 0 || K == 0 || K >= S) return false;
+  const StateView state = motion_.observation.view(program_.it.state, program_.front());
+  const DenseMatrix J = motion_.quantities.calcInertia(state);
+  DenseVector r = DenseVector::Zero(S);
+  for (int i = 0; i < S; ++i) r(i) = std::cos(i + 1.0);  // of no special direction
+  DenseVector force = DenseVector::Zero(S + K);
+  force.head(S) = J * r;
+  DenseMatrix all = DenseMatrix::Zero(S + K, S + K);
+  all.topLeftCorner(S, S) = J;
+  for (int m = 0; m < K; ++m) {
+    double C[kMaxShafts];
+    double H[kMaxShafts * kMaxShafts];
+    const Constraint& it = *scene_.constraints[static_cast<std::size_t>(m)];
+    it.calcResidualAndJacobian(state, C);
+    it.calcHessian(state, H);
+    for (int i = 0; i < S; ++i) {
+      all(S + m, i) = C[i];
+      all(i, S + m) = -C[i];
+      for (int j = 0; j < S; ++j) all(i, j) -= program_.it.multiplier[m] * H[i * S + j];
+    }
+  }
+  DenseVector answer;
+  if (!all.allFinite() || !solveScaled(all, force, &answer)) return false;
+  const DenseVector d = answer.head(S);
+  return d.dot(J * d) > kGain * kGain * r.dot(J * r);
+}
+
 std::string StopSearch::findBranch(Element* owner) {
   const std::vector<expression::Branch>& branches = program_.text().branches();
   std::vector<expression::Node> arguments;
@@ -249,6 +289,8 @@ std::string StopSearch::describe(Element* culprit) {
   std::string text = describeStop(scene_, told, state, inertia, function, culprit);
   // (The node cuts long messages, such as those with the states of many shafts.)
   text.insert(std::min(text.find("; last good state: "), text.size()), describeHugeCommands());
+  if (motion_.status.reason == StopReason::kProjectionFailed && doSolutionsMeet())
+    text += "; two solutions for the accelerations meet here, and none goes on behind";
   return text + describeLastEvent() + describeRigid() + describePast();
 }
 

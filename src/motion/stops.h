@@ -26,6 +26,10 @@ class StopSearch {
   bool findBadValue(const StateView& state);
   bool findLostRow(const StateView& state, int highest_order);
 
+  /// Returns why the motion stops where rounding moves the accelerations by more than the
+  /// tolerance. [loop]
+  StopReason reasonOfRounding();
+
   /// Returns the sentence for the motion's status. Writes the element that it names to `culprit`,
   /// unless that is null.
   std::string describe(Element* culprit);
@@ -44,6 +48,8 @@ class StopSearch {
   /// Looks for another branch of accelerations just ahead of the front: the fold at which a branch
   /// ends lies within the shortest step.
   bool leapsAhead(const double* slope, double least);
+  /// True where two solutions for the accelerations of `gauss` meet, behind which there are none.
+  bool doSolutionsMeet();
   /// Finds a law that changes its branch within the shortest step of the front, on either side.
   /// Returns the function of the branch, as formulas write it, or "". Not in the loop.
   std::string findBranch(Element* owner);
