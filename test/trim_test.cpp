@@ -62,7 +62,7 @@ TEST(Trim, FindsWhatSuitsGivenSpeedsAndInputs) {
 
 TEST(Trim, FixesOutputsAndTorques) {
   TrimOptions options;
-  options.fix = {{"ratio", 0.6}, {"drive/applied_torque", 5.0}};
+  options.fix = {{"outputs/ratio", 0.6}, {"drive/applied_torque", 5.0}};
   options.free = {{"throttle"}};
   const Scene scene = slipping("");
   const TrimResult result = trim(scene, options);
@@ -92,6 +92,28 @@ TEST(Trim, TellsOfMoreThanOne) {
   EXPECT_NEAR(speeds[0], 50.0 * (1.0 - 0.3 - root), 1e-9);
   EXPECT_NEAR(speeds[1], 50.0 * (1.0 - 0.3 + root), 1e-9);
   EXPECT_NE(result.message.find("2 steady states"), std::string::npos) << result.message;
+}
+
+TEST(Trim, FindsStatesBesideThoseThatItKnows) {
+  // Of the two branches of z the lower one has three speeds, the upper one has one.
+  const TrimResult result = trim(
+      test::sceneFromText("shafts: [a, b]\na: {inertia: 1}\nb: {inertia: 2}\ninputs: [u]\n"
+                          "u: {topic: u, initial: 1.0, min: -50, max: 50}\ntorques: [m, l, s]\n"
+                          "m: {type: variator_sim/ExpressionTorque, shaft: a, torque: "
+                          "\"u-(w_a-1)*(w_a-3)*(w_a-6)-1+z\"}\n"
+                          "l: {type: variator_sim/ExpressionTorque, shaft: b, torque: -0.5*w_b}\n"
+                          "s: {type: variator_sim/Friction, shaft: b, coulomb: 0.1, "
+                          "regularization_speed: 0.05}\nconstraints: [g]\n"
+                          "g: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: 0.5}\n"
+                          "principle: gauss\nstates: [z]\nz: {rate: 0.1*w_b - z + 0.05*z^2}\n"),
+      {});
+  std::vector<double> speeds;
+  for (const TrimState& it : result.states) speeds.push_back(it.point.velocity[0]);
+  std::sort(speeds.begin(), speeds.end());
+  ASSERT_EQ(speeds.size(), 4U) << result.message;
+  const double expected[] = {0.98771, 3.1, 5.96655, 6.83705};
+  for (std::size_t n = 0; n < 4; ++n) EXPECT_NEAR(speeds[n], expected[n], n == 1 ? 0.1 : 1e-5);
+  EXPECT_NE(result.message.find("may miss others"), std::string::npos) << result.message;
 }
 
 TEST(Trim, TellsOfNone) {

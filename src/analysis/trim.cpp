@@ -20,6 +20,7 @@ using Eigen::VectorXd;
 using expression::Node;
 
 constexpr int kStarts = 96;
+constexpr int kFurtherStarts = 48;  ///< away from the steady states that are known
 constexpr double kResidual = 1e-10;
 constexpr double kPi = 3.14159265358979323846;
 
@@ -58,8 +59,10 @@ class Trim {
     std::string outside;
     Attempt nearest;
     bool has_still = false;
-    for (int n = 0; n < kStarts; ++n) {
-      const Attempt attempt = iterate(startAt(n));
+    for (int n = 0; n < kStarts + kFurtherStarts; ++n) {
+      if (n >= kStarts && found.empty()) break;
+      const Attempt attempt =
+          n < kStarts ? iterate(startAt(n), {}) : iterate(startAt(n - kStarts), found);
       if (!attempt.is_solution) {
         if (attempt.weighted < nearest.weighted) nearest = attempt;
         continue;
@@ -92,7 +95,8 @@ class Trim {
     const std::size_t count = result.states.size();
     if (count > 0) {
       result.message =
-          count == 1 ? "one steady state found" : std::to_string(count) + " steady states found";
+          (count == 1 ? "one steady state found" : std::to_string(count) + " steady states found") +
+          std::string(" (a search, which may miss others)");
     } else if (!outside.empty()) {
       result.message = "no steady state within the limits" +
                        std::string(mode_.empty() ? " of the inputs" : "") + ": " + outside;
@@ -185,7 +189,9 @@ class Trim {
     std::vector<std::string> names;
     for (const TrimQuantity& quantity : quantities_) {
       if (!is_fixed && quantity.variable <= layout_.time()) continue;
-      if (quantity.name == name) return quantity;
+      // (Samples call an output so.)
+      const bool is_output = quantity.variable < 0 && name == "outputs/" + quantity.name;
+      if (quantity.name == name || is_output) return quantity;
       names.push_back(quantity.name);
     }
     throw SceneError("", inQuotes(name) + " cannot be " + (is_fixed ? "fixed" : "free") +
@@ -252,7 +258,21 @@ class Trim {
     }
     return moved(v, solveLeastSquares(by_multipliers, -here.F));
   }
-  Attempt iterate(VectorXd v) const {
+  /// Lets a known solution u push attempts away: the equations at v are multiplied by
+  /// 1 + 1 / |v - u|^2. Returns the logarithm of the product, and its slope along `step`.
+  std::pair<double, double> calcPush(const VectorXd& v, const std::vector<Attempt>& known,
+                                     const VectorXd& step) const {
+    double value = 0.0;
+    double slope = 0.0;
+    for (const Attempt& it : known) {
+      const VectorXd way = countedOf((unknownsOf(v) - unknownsOf(it.v)).cwiseQuotient(sizesOf(v)));
+      const double squared = std::max(way.squaredNorm(), 1e-12);
+      value += std::log1p(1.0 / squared);
+      slope -= 2.0 * way.dot(step) / (squared * (squared + 1.0));
+    }
+    return {value, slope};
+  }
+  Attempt iterate(VectorXd v, const std::vector<Attempt>& known) const {
     constexpr int kIterations = 80;
     constexpr double kLongest = 4.0;  // of each unknown's size
     v = fitMultipliers(v);
@@ -271,13 +291,17 @@ class Trim {
       if (merit == 0.0) return attempt;
 
       VectorXd step = solveLeastSquares(here.scaled(), -weighted, 1e-11);
+      const auto [push, slope] = calcPush(v, known, step);
+      if (slope != 1.0) step /= 1.0 - slope;  // (Newton's iteration for the product)
       const double longest = step.cwiseAbs().maxCoeff();
       if (longest > kLongest) step *= kLongest / longest;
       bool is_better = false;
       for (double part = 1.0; part > 1e-6 && !is_better; part *= 0.5) {
         const VectorXd next = moved(v, part * here.sizes.cwiseProduct(step));
         Linearized there = linearize(next);
-        is_better = there.F.allFinite() && there.F.cwiseProduct(here.weights).norm() < merit;
+        const double change = calcPush(next, known, step).first - push;
+        is_better = there.F.allFinite() &&
+                    there.F.cwiseProduct(here.weights).norm() * std::exp(change) < merit;
         if (!is_better) continue;
         v = next;
         here = std::move(there);
@@ -320,7 +344,7 @@ class Trim {
       const VectorXd direction = free.col(column);
       const double length = largestOf(countedOf(direction));
       if (length < 1e-7) continue;
-      const Attempt attempt = iterate(moved(v, kWay / length * sizes.cwiseProduct(direction)));
+      const Attempt attempt = iterate(moved(v, kWay / length * sizes.cwiseProduct(direction)), {});
       if (!attempt.is_solution) continue;
       const VectorXd change = unknownsOf(attempt.v) - unknownsOf(v);
       const double way = largestOf(countedOf(change.cwiseQuotient(sizes)));
