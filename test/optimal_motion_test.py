@@ -45,6 +45,7 @@ class OptimalMotionTest(SimulateTestCase):
         found = variator_sim.optimise(kinematic_start(), "wanted", "cost",
                                       [f"w_load({T}) = {W}", f"phi_load({T}) = {F}"], knots=n)
         self.assertLess(abs(found.cost / expected - 1), 1e-4)
+        self.assertEqual(found.describe_constant(9), "no constant commands meet the conditions")
         np.testing.assert_allclose([value for _, _, value in found.commands], a + b * left, atol=1e-3)
 
     def test_largest_angle(self):

@@ -1,9 +1,13 @@
 #!/usr/bin/python3
 """The Python module: the same motion as `simulate`, its errors, its types. No ROS master."""
 
+import concurrent.futures
+import copy
 import csv
 import os
 import pathlib
+import pickle
+import signal
 import subprocess
 import sys
 import tempfile
@@ -270,6 +274,58 @@ class PythonTest(TestCase):
         values = variator_sim.simulate(OBSERVED, times=[0.1]).values[0]
         self.assertEqual([sample[column] for column in sample.keys()], list(values))
 
+    def test_samples_are_mappings_and_travel(self):
+        simulation = variator_sim.Simulation(OBSERVED)
+        sample = simulation.sample()
+        self.assertEqual(list(sample), sample.keys())
+        self.assertEqual(len(sample), len(list(sample)))
+        self.assertTrue("drive/velocity" in sample and "velocity" not in sample and 3 not in sample)
+        for like in (simulation.sample(), copy.copy(sample), copy.deepcopy(sample), pickle.loads(pickle.dumps(sample)),
+                     variator_sim.Simulation(OBSERVED).sample()):
+            self.assertTrue(like == sample and not like != sample)
+            self.assertEqual(dict(like), dict(sample))
+            self.assertEqual(list(like.reaction_torque), list(sample.reaction_torque))
+        simulation.advance(0.1)
+        self.assertNotEqual(simulation.sample(), sample)
+        self.assertNotEqual(variator_sim.Simulation(FREE).sample(), sample)
+        self.assertNotEqual(sample, 3)
+        restore, (*arguments, numbers) = sample.__reduce__()
+        with self.assertRaisesRegex(ValueError, "another version"):
+            restore(*arguments, numbers[8:])
+
+    def test_stops_travel(self):
+        with self.assertRaises(variator_sim.MotionStopped) as caught:
+            variator_sim.simulate(STOPS, 10.0)
+        stop = caught.exception
+        with concurrent.futures.ProcessPoolExecutor(1) as pool:
+            from_another_process = pool.submit(variator_sim.simulate, STOPS, 10.0).exception()
+        for other in (copy.copy(stop), pickle.loads(pickle.dumps(stop)), from_another_process):
+            self.assertIs(type(other), variator_sim.MotionStopped)
+            self.assertEqual([str(other), other.reason, other.time, other.sample, other.constraint, other.torque],
+                             [str(stop), stop.reason, stop.time, stop.sample, stop.constraint, stop.torque])
+            numpy.testing.assert_array_equal(other.result.values, stop.result.values)
+
+    def test_wrong_arguments_of_a_simulation(self):
+        simulation = variator_sim.Simulation(FREE)
+        for call, kind, words in [
+                (lambda: simulation.command("torque", None), TypeError, "'torque': None; allowed: a number"),
+                (lambda: simulation.command("torque", "1"), TypeError, "'torque': '1'; allowed: a number"),
+                (lambda: simulation.command("torque", 10**400), TypeError, "'torque': 10+; allowed: a number"),
+                (lambda: simulation.step(0.1, {"torque": None}), TypeError, "'torque': None; allowed: a number"),
+                (lambda: simulation.step("a"), TypeError, "duration: 'a'; allowed: a number"),
+                (lambda: simulation.step(0.1, 3), TypeError, "commands: 3; allowed: a dict such as"),
+                (lambda: simulation.advance(None), TypeError, "duration: None; allowed: a number"),
+                (lambda: simulation.advance_to([]), TypeError, r"time: \[\]; allowed: a number"),
+                (lambda: simulation.set_state("file"), TypeError, "state: 'file'; allowed: a dict such as"),
+                (lambda: simulation.linearize("file"), TypeError, "state: 'file'; allowed: a dict such as"),
+                (lambda: variator_sim.Simulation(FREE, "a=b"), TypeError, "overrides: 'a=b'; allowed: a dict such as"),
+                (lambda: variator_sim.Simulation(FREE, {"drive/inertia": 10**30}), variator_sim.SceneError,
+                 "drive/inertia: 10+; allowed: an integer of 64 bits, or a float such as 1e.30")]:
+            with self.subTest(words=words), self.assertRaisesRegex(kind, words):
+                call()
+        self.assertTrue(simulation.command("torque", 1))
+        self.assertEqual(simulation.step(1, {"torque": numpy.float64(2)}).time, 1.0)
+
     def test_samples_are_copies(self):
         simulation = variator_sim.Simulation(SHIP)
         first = simulation.sample()
@@ -328,9 +384,9 @@ class PythonTest(TestCase):
                 (lambda: variator_sim.sweep(FREE, 1, overrides=5, metrics="final(time)"), ValueError, "overrides: 5; allowed"),
                 (lambda: variator_sim.simulate(FREE, 1, state="file"), ValueError, "state: 'file'; allowed: a dict such"),
                 (lambda: variator_sim.simulate(FREE, 1, state={"shafts": {"drive": {"velocity": 10**30}}}), ValueError,
-                 "state: shafts/drive/velocity: 10+; allowed: .* a float such as 1e.30"),
+                 "state/shafts/drive/velocity: 10+; allowed: .* a float such as 1e.30"),
                 (lambda: variator_sim.simulate(FREE, 1, overrides={"drive/inertia": 10**400}), ValueError,
-                 "overrides: drive/inertia: 10+"),
+                 "drive/inertia: 10+; allowed: .* a float such as"),
                 (lambda: variator_sim.simulate(FREE, 1, rate=1e12), ValueError, r"rate: 1e\+12 makes 1e\+12 samples; allowed"),
                 (lambda: variator_sim.simulate(FREE, 1, rate="x"), ValueError, "rate: 'x'; allowed: a finite number > 0"),
                 (lambda: variator_sim.simulate(FREE, "x"), ValueError, "duration: 'x'; allowed: a finite number >= 0"),
@@ -371,6 +427,15 @@ class PythonTest(TestCase):
                 sender.wait()
                 self.fail("the call has ended before")
         return time.monotonic() - begin - 0.1
+
+    def test_ctrl_c_leaves_the_samples(self):
+        with subprocess.Popen(["sh", "-c", f"sleep 0.5; kill -INT {os.getpid()}"]) as sender:
+            with self.assertRaises(KeyboardInterrupt) as caught:
+                variator_sim.simulate(SHIP, 1e9, rate=0.01)
+                sender.wait()
+        instants = caught.exception.result.time
+        self.assertGreater(len(instants), 1)
+        self.assertEqual(list(instants), [100.0 * k for k in range(len(instants))])
 
     def test_ctrl_c_is_heard_in_every_call(self):
         terms = "*".join(f"(w1+{i}e-9)" for i in range(24000))

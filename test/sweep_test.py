@@ -93,7 +93,7 @@ class SweepTest(FolderTestCase):
             LAG, 8.0, grid={"motor/parameters/c": [1.0, 2.0]}, rate=1000,
             metrics=["final(drive/velocity)", "min(drive/velocity)", "max(drive/acceleration)",
                      "mean(drive/velocity)", "integral(drive/velocity)", "settling(drive/velocity)",
-                     "settling(drive/velocity, 0.1)", "max(outputs/power)", "final(time)"])
+                     "settling(drive/velocity, 0.1)", "max(outputs/power)", "max(power)", "final(time)"])
         c = table["motor/parameters/c"]
         final = (1 - numpy.exp(-8 * c)) / c
         for name, value, tolerance in [
@@ -103,7 +103,8 @@ class SweepTest(FolderTestCase):
                 ("integral(drive/velocity)", (8 - final) / c, 1e-5),
                 ("settling(drive/velocity)", -numpy.log(0.02) / c, 0.03),
                 ("settling(drive/velocity, 0.1)", -numpy.log(0.1) / c, 0.01),
-                ("max(outputs/power)", [0.25, 0.25], 1e-6), ("final(time)", 8 + 0 * c, 0)]:
+                ("max(outputs/power)", [0.25, 0.25], 1e-6), ("max(power)", [0.25, 0.25], 1e-6),
+                ("final(time)", 8 + 0 * c, 0)]:
             numpy.testing.assert_allclose(table[name], value, rtol=0, atol=tolerance, err_msg=name)
 
     def test_a_controller_of_each_run(self):

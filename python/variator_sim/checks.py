@@ -1,7 +1,6 @@
 """Checks of arguments: messages name the argument, its value, what is allowed, and the nearest valid name."""
 
 import collections.abc
-import contextlib
 import difflib
 import math
 import numbers
@@ -85,31 +84,6 @@ def flag(what, value):
     if not isinstance(value, bool):
         raise ValueError(f"{what}: {shown(value)}; allowed: true or false")
     return value
-
-
-def large_integer(tree, path=""):
-    """(path, value) of the first integer in a tree that 64 bits do not hold; None where there is none."""
-    if isinstance(tree, collections.abc.Mapping):
-        items = [(f"{path}/{key}" if path else str(key), value) for key, value in tree.items()]
-    elif isinstance(tree, (list, tuple)):
-        items = [(f"{path}/{n}", value) for n, value in enumerate(tree)]
-    else:
-        return (path, tree) if isinstance(tree, int) and not -2**63 <= tree < 2**63 else None
-    return next(filter(None, (large_integer(value, key) for key, value in items)), None)
-
-
-@contextlib.contextmanager
-def small_integers(**trees):
-    """Turns what the compiled module says of an integer that it cannot take into the name and the way out."""
-    try:
-        yield
-    except OverflowError:
-        for what, tree in trees.items():
-            path, value = large_integer(tree) or ("", None)
-            if value is not None:
-                raise ValueError(f"{what}: {path}: {shown(value)}; allowed: an integer of 64 bits, or a float such as "
-                                 f"{value / 1.0 if abs(value) < 1e300 else 1e300:g}") from None
-        raise
 
 
 def texts(what, value, example):

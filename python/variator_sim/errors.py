@@ -48,6 +48,10 @@ class MotionStopped(RuntimeError):
         self.torque = torque
         self.result = None
 
+    def __reduce__(self):
+        return (type(self), (str(self), self.reason, self.time, self.sample, self.constraint, self.torque),
+                {"result": self.result})
+
 
 class NoSteadyState(RuntimeError):
     """`Simulation.trim` found no steady state; the message says what stands against it."""

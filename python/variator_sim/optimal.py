@@ -51,6 +51,12 @@ class Programme:
     message: str
     runs: int
 
+    def describe_constant(self, digits):
+        """The cost that the programme's is beside, for people."""
+        if math.isnan(self.constant_cost):
+            return "no constant commands meet the conditions"
+        return f"with the best constant commands {self.constant_cost:.{digits}g}"
+
     def to_csv(self, path):
         """Writes the commands as `simulate --commands` plays them."""
         with whole_file(path) as file:
@@ -60,8 +66,7 @@ class Programme:
     def plot(self, controls, columns):
         """A figure: commands, and columns of both runs, titled by the cost of both."""
         from variator_sim.plotting import draw_lines, make_panels, put_legend_above  # take a second to load
-        title = (f"{self.minimised} at the end: {self.cost:.4g} by the programme, "
-                 f"{self.constant_cost:.4g} by the best constant commands")
+        title = f"{self.minimised} at the end: {self.cost:.4g}, {self.describe_constant(4)}"
         figure, axes = make_panels(len(controls) + len(columns), 1, title)
         runs = (("programme", self.result, self.commands),
                 ("best constant commands", self.constant_result, self.constant_commands))

@@ -11,7 +11,7 @@ import weakref
 import numpy
 
 from variator_sim import _core
-from variator_sim.checks import did_you_mean, finite, is_number, mapping, shown, small_integers, texts
+from variator_sim.checks import did_you_mean, finite, is_number, mapping, shown, texts
 from variator_sim.errors import MotionStopped
 from variator_sim.files import whole_file
 
@@ -75,6 +75,11 @@ class Result(collections.abc.Mapping):
         """Draws it: `variator_sim.plotting.plot`."""
         from variator_sim import plotting  # matplotlib takes a second to load
         return plotting.plot(self, columns, **options)
+
+
+def restored_sample(*parts):
+    """The sample of a pickle, in which functions of the compiled module cannot be."""
+    return _core._sample(*parts)
 
 
 def read_commands(commands):
@@ -165,7 +170,10 @@ class Recording(Result):
 
     def add(self, simulation):
         """Another sample; one of the same instant, after a command, takes the place of the last."""
-        row = simulation._run(0.0, 1.0, None, [], self.groups, False)[0][0]
+        rows, _, error = simulation._run(0.0, 1.0, None, [], self.groups, False)
+        if error is not None:
+            raise error
+        row = rows[0]
         if self._rows and self._rows[-1][0] == row[0]:
             self._rows.pop()
             self._array = None
@@ -189,6 +197,11 @@ def record(simulation, columns="state"):
         recording = RECORDINGS[simulation] = Recording(simulation, groups)
     recording.add(simulation)
     return recording
+
+
+def give_result(error, result):
+    with contextlib.suppress(AttributeError, TypeError):  # an exception may refuse it
+        error.result = result
 
 
 def run_controlled(simulation, controller, period, end, instants, listed, groups, blocks):
@@ -241,8 +254,8 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
         gradient: numbers of the scene by path ("drive/inertia") and commands ("ratio@2.0") that the samples are
             differentiated by: adds columns such as "d(load/velocity)/d(drive/inertia)".
 
-    What the command line warns of is a warning here too (`warnings`). What a controller raises, and Ctrl-C in a run with
-    a controller, has the samples up to then as its `result`, too.
+    What the command line warns of is a warning here too (`warnings`). What a controller raises, and Ctrl-C, has the
+    samples up to then as its `result`, too.
 
     Raises:
         SceneError: the scene cannot be run as it is written.
@@ -255,11 +268,10 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
     mapping("state", state, {"shafts": {"drive": {"velocity": 5.0}}})
     if times is None and not until_rest:
         check_samples("rate", rate, duration * rate)
-    with small_integers(scene=scene, overrides=overrides, state=state):
-        simulation = _core.Simulation(scene, overrides, energy="energy" in groups.split(","))
-        names = simulation.columns(groups)
-        if state is not None:
-            simulation.set_state(state)
+    simulation = _core.Simulation(scene, overrides, energy="energy" in groups.split(","))
+    names = simulation.columns(groups)
+    if state is not None:
+        simulation.set_state(state)
 
     def result_of(values):
         return Result(names, values, simulation.statistics, units_of(simulation.scene), simulation.take_events())
@@ -286,13 +298,12 @@ def simulate(scene, duration=None, *, rate=100.0, times=None, commands=None, col
         try:
             outside, error = run_controlled(simulation, controller, period, end, times, listed, groups, blocks)
         except BaseException as fault:
-            with contextlib.suppress(AttributeError, TypeError):  # an exception may refuse it
-                fault.result = result_of(numpy.vstack(blocks))
+            give_result(fault, result_of(numpy.vstack(blocks)))
             raise
         values = numpy.vstack(blocks)
     result = result_of(values)
     if error is not None:
-        error.result = result
+        give_result(error, result)
         raise error
     for doubt in simulation.doubts:
         warnings.warn(doubt, stacklevel=2)

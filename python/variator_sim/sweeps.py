@@ -178,6 +178,9 @@ def find_columns(simulation, metrics):
     for group in GROUPS:
         for name in simulation.columns(group):
             groups_of.setdefault(name, group)
+    # (`--fix` and formulas call an output by its own name.)
+    metrics = [(kind, column if column in groups_of or f"outputs/{column}" not in groups_of else f"outputs/{column}", band)
+               for kind, column, band in metrics]
     for _, column, _ in metrics:
         if column not in groups_of:
             raise ValueError(f"metric of '{column}': no such column{did_you_mean(column, groups_of)}; the scene's columns: "

@@ -82,7 +82,7 @@ MotionState readState(const py::dict& values, Simulation& simulation) {
     Simulation start(simulation.scene());
     start.peekState(&present);
   }
-  return readMotionState(toTree(values, ""), simulation.scene(), present);
+  return readMotionState(toTree(values, "state"), simulation.scene(), present);
 }
 
 TrimOptions readTrimOptions(const py::object& fix, const py::object& free, bool accelerating) {

@@ -194,6 +194,24 @@ void bindSample(py::module& module) {
   });
   sample.def("keys", [](const NamedSample& self) { return self.names->names; });
   sample.def("__getitem__", &NamedSample::at);
+  sample.def("__iter__",
+             [](const NamedSample& self) { return py::iter(py::cast(self.names->names)); });
+  sample.def("__len__", [](const NamedSample& self) { return self.names->names.size(); });
+  sample.def("__contains__", [](const NamedSample& self, py::handle column) {
+    double unused;
+    return self.names->read(self.sample, column.ptr(), &unused);
+  });
+  sample.def("__eq__", [](const NamedSample& self, py::handle other) {
+    return py::isinstance<NamedSample>(other) && self.isSame(other.cast<const NamedSample&>());
+  });
+  sample.def("__reduce__", [](const NamedSample& self) {
+    const auto* const bytes = reinterpret_cast<const char*>(&self.sample);
+    return py::make_tuple(
+        py::module::import("variator_sim.running").attr("restored_sample"),
+        py::make_tuple(self.names->names, self.names->places, self.names->shafts,
+                       self.names->constraints, py::bytes(bytes, sizeof(Sample))));
+  });
+  module.def("_sample", &NamedSample::restored);
   sample.def("__repr__", [](const NamedSample& self) {
     std::string text;
     for (const std::string& name : self.names->names) {
@@ -252,7 +270,7 @@ void bindSimulation(py::module& module) {
            py::arg("energy") = false)
       .def_property_readonly("time", &Self::time)
       .def("advance", &Self::advance, py::arg("duration"))
-      .def("advance_to", &Self::advanceTo, py::arg("time"))
+      .def("advance_to", py::overload_cast<const py::object&>(&Self::advanceTo), py::arg("time"))
       .def("step", &Self::step, py::arg("duration"), py::arg("commands") = py::none())
       .def("command", &Self::command, py::arg("topic"), py::arg("value"))
       .def("sample", &Self::sample)

@@ -4,8 +4,12 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstring>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tools/columns.h"
@@ -32,6 +36,12 @@ inline void refuseNew(const py::object& type) {
 
 /// Names of a scene's columns that a sample has, shared by all samples of a simulation.
 struct SampleNames {
+  SampleNames(std::vector<std::string> its_names, py::dict its_places, std::size_t shaft_count,
+              std::size_t constraint_count)
+      : names(std::move(its_names)),
+        shafts(shaft_count),
+        constraints(constraint_count),
+        places(std::move(its_places)) {}
   explicit SampleNames(const Simulation& simulation)
       : shafts(simulation.scene().shafts.size()),
         constraints(simulation.scene().constraints.size()) {
@@ -69,6 +79,29 @@ struct NamedSample {
   std::shared_ptr<const SampleNames> names;
 
   double at(py::handle column) const { return names->get(sample, column); }
+  /// True where each column is the same number, or neither is one.
+  bool isSame(const NamedSample& other) const {
+    if (names->names != other.names->names) return false;
+    return std::all_of(names->names.begin(), names->names.end(), [&](const std::string& name) {
+      const double a = at(py::str(name));
+      const double b = other.at(py::str(name));
+      return a == b || (std::isnan(a) && std::isnan(b));
+    });
+  }
+  /// Returns the sample of a pickle. Throws ValueError for those of another version.
+  static NamedSample restored(const std::vector<std::string>& names, const py::dict& places,
+                              std::size_t shafts, std::size_t constraints,
+                              const std::string& bytes) {
+    bool fits =
+        bytes.size() == sizeof(Sample) && shafts <= kMaxShafts && constraints <= kMaxConstraints;
+    for (const auto& place : places) {
+      fits = fits && place.second.cast<std::size_t>() < sizeof(Sample) / sizeof(double);
+    }
+    if (!fits) throw py::value_error("a Sample of another version of variator_sim");
+    NamedSample made{{}, std::make_shared<const SampleNames>(names, places, shafts, constraints)};
+    std::memcpy(&made.sample, bytes.data(), sizeof(Sample));
+    return made;
+  }
 };
 
 }  // namespace variator_sim::python

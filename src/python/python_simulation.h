@@ -41,7 +41,7 @@ inline ParameterTree readSceneArgument(const py::object& scene) {
 inline Overrides readOverrides(const py::object& overrides) {
   Overrides values;
   if (overrides.is_none()) return values;
-  for (const auto& [path, value] : overrides.cast<py::dict>()) {
+  for (const auto& [path, value] : toDict(overrides, "overrides", "{'drive/inertia': 1.2}")) {
     const std::string name = toText(path, "overrides");
     values.emplace_back(name, toTree(value, name));
   }
@@ -79,6 +79,17 @@ void withoutLock(const Work& work) {
     if (PyErr_Occurred() == nullptr) throw;
   }
   if (PyErr_Occurred() != nullptr) throw py::error_already_set();
+}
+
+/// Returns what was raised.
+inline py::object toObject(py::error_already_set& raised) {
+  PyObject *type, *value, *trace;
+  raised.restore();
+  PyErr_Fetch(&type, &value, &trace);
+  PyErr_NormalizeException(&type, &value, &trace);
+  Py_XDECREF(type);
+  Py_XDECREF(trace);
+  return py::reinterpret_steal<py::object>(value);
 }
 
 class PythonSimulation {
@@ -122,6 +133,7 @@ class PythonSimulation {
 
   // --- Any call
 
+  void advanceTo(const py::object& time) { advanceTo(toNumber(time, "time")); }
   void advanceTo(double time) {
     Simulation& simulation = get();
     if (!std::isfinite(time)) throw std::invalid_argument("time: not a finite number");
@@ -136,22 +148,26 @@ class PythonSimulation {
     }
     check();
   }
-  void advance(double duration) {
+  void advance(const py::object& given) {
+    const double duration = toNumber(given, "duration");
     if (!(duration >= 0.0)) {
       throw std::invalid_argument("duration: " + formatNumber(duration) + " s; allowed: >= 0");
     }
     advanceTo(get().time() + duration);
   }
-  NamedSample step(double duration, const py::object& commands) {
+  NamedSample step(const py::object& duration, const py::object& commands) {
     if (!commands.is_none()) {
-      for (const auto& [topic, value] : commands.cast<py::dict>()) {
-        command(toText(topic, "commands"), value.cast<double>());
+      for (const auto& [topic, value] : toDict(commands, "commands", "{'ratio': 0.4}")) {
+        command(py::reinterpret_borrow<py::object>(topic),
+                py::reinterpret_borrow<py::object>(value));
       }
     }
     advance(duration);
     return sample();
   }
-  bool command(const std::string& topic, double value) {
+  bool command(const py::object& name, const py::object& given) {
+    const std::string topic = toText(name, "commands");
+    const double value = toNumber(given, inQuotes(topic));
     Simulation& simulation = get();
     const int input = findInput(scene().inputs, topic);
     const bool is_first = std::isnan(simulation.firstClampedCommand(input));
@@ -218,7 +234,8 @@ class PythonSimulation {
     if (!get().saveState(&state)) raise(stopped());
     return toObject(toTree(state, scene()));
   }
-  void setState(const py::dict& values, bool project) {
+  void setState(const py::object& given, bool project) {
+    const py::dict values = toDict(given, "state", kState);
     Simulation& simulation = get();
     if (!simulation.status().ok()) simulation.reset();  // a stopped motion accepts no state
     const MotionState state = readState(values, simulation);
@@ -259,7 +276,7 @@ class PythonSimulation {
     const bool is_here = state.is_none();
     if (is_here) sample();  // raises if the motion has stopped
     MotionState there;
-    if (!is_here) there = readState(state.cast<py::dict>(), simulation);
+    if (!is_here) there = readState(toDict(state, "state", kState), simulation);
     LinearModel model;
     move([&] {
       std::unique_ptr<Simulation> other;  // the motion itself is not moved
@@ -282,28 +299,34 @@ class PythonSimulation {
     return toList(states, scene);
   }
 
-  /// Returns rows, the number of commands outside, and None or the error that ended the run.
+  /// Returns rows, the number of commands outside, and None or what ended the run before: an error,
+  /// or what a signal's handler has raised.
   /// With `gradient` also the names of the columns, and why and when the derivatives ended, or "".
   py::tuple run(RunRequest request, const std::vector<std::string>& gradient = {}) {
     get();
     RunRows rows;
     std::unique_ptr<Sensitivity> by;
-    move([&] {
-      if (!gradient.empty()) {
-        by = std::make_unique<Sensitivity>(tree_, readSceneWithPlugins, gradient,
-                                           resolveCommands(request.commands, scene(), "commands"));
-        request.columns.derivatives = by->names();
-      }
-      rows = python::run(simulation_, request, by.get());
-    });
+    py::object error = py::none();
+    try {
+      move([&] {
+        if (!gradient.empty()) {
+          by =
+              std::make_unique<Sensitivity>(tree_, readSceneWithPlugins, gradient,
+                                            resolveCommands(request.commands, scene(), "commands"));
+          request.columns.derivatives = by->names();
+        }
+        rows = python::run(simulation_, request, by.get());
+      });
+    } catch (py::error_already_set& raised) {  // by a signal's handler
+      error = toObject(raised);
+    }
     const auto columns = static_cast<py::ssize_t>(columnsOf(request.columns).size());
     const auto count = static_cast<py::ssize_t>(rows.values.size()) / columns;
     Array values({count, columns}, rows.values.data());
-    const bool is_ok = simulation_.status().ok();
-    const py::object error = is_ok ? py::none() : stopped();
-    if (by == nullptr) return py::make_tuple(values, rows.ignored_commands, error);
+    if (error.is_none() && !simulation_.status().ok()) error = stopped();
+    if (gradient.empty()) return py::make_tuple(values, rows.ignored_commands, error);
     return py::make_tuple(values, rows.ignored_commands, error, columnsOf(request.columns),
-                          by->stop());
+                          by == nullptr ? "" : by->stop());
   }
   std::vector<std::string> columnsOf(const ColumnGroups& groups) {
     return columnNames(get(), groups);
@@ -351,6 +374,7 @@ class PythonSimulation {
     is_busy_ = false;
   }
 
+  static constexpr const char* kState = "{'shafts': {'drive': {'velocity': 5.0}}}";
   const ParameterTree tree_;
   Simulation simulation_;
   std::shared_ptr<const SampleNames> names_;

@@ -44,6 +44,29 @@ inline std::string toText(py::handle text, const std::string& path) {
                              " is not valid Unicode: it contains half of a surrogate pair");
 }
 
+/// Returns the beginning of a value's text.
+inline std::string shown(py::handle value) {
+  return py::repr(value).attr("__getitem__")(py::slice(0, 80, 1)).cast<std::string>();
+}
+
+/// Reads an argument, whose name is `what`. Throws TypeError if it is no number.
+inline double toNumber(const py::object& value, const std::string& what) {
+  const double number = PyFloat_AsDouble(value.ptr());
+  if (number != -1.0 || PyErr_Occurred() == nullptr) return number;
+  PyErr_Clear();
+  throw py::type_error(what + ": " + shown(value) + "; allowed: a number");
+}
+
+/// Does the same if it is no dict, nor pairs that one can be made of.
+inline py::dict toDict(const py::object& value, const std::string& what,
+                       const std::string& example) {
+  const auto made = py::reinterpret_steal<py::object>(PyObject_CallFunctionObjArgs(
+      reinterpret_cast<PyObject*>(&PyDict_Type), value.ptr(), nullptr));
+  if (made) return py::reinterpret_borrow<py::dict>(made);
+  PyErr_Clear();
+  throw py::type_error(what + ": " + shown(value) + "; allowed: a dict such as " + example);
+}
+
 /// Reads one value. Lists, tuples and dicts may contain themselves or be shared, so depth and
 /// number of values are bounded.
 class TreeReader {
@@ -67,9 +90,11 @@ class TreeReader {
     if (py::hasattr(value, "tolist")) return read(value.attr("tolist")(), path, depth + 1);
     if (py::isinstance<py::float_>(value)) return ParameterTree::real(value.cast<double>());
     if (py::isinstance<py::int_>(value)) {
-      const long long number = PyLong_AsLongLong(value.ptr());
-      if (number == -1 && PyErr_Occurred() != nullptr) throw py::error_already_set();
-      return ParameterTree::integer(number);
+      int is_beyond = 0;
+      const long long number = PyLong_AsLongLongAndOverflow(value.ptr(), &is_beyond);
+      if (is_beyond == 0) return ParameterTree::integer(number);
+      throw SceneError(path,
+                       shown(value) + "; allowed: an integer of 64 bits, or a float such as 1e+30");
     }
     if (py::isinstance<py::list>(value) || py::isinstance<py::tuple>(value)) {
       ParameterTree::List list;
