@@ -390,7 +390,7 @@ class SimulateTest(SimulateTestCase):
         self.assertEqual(result.stdout, expected.stdout)
         self.assertEqual(result.stderr.count("warning"), 1)
         self.assertIn("2 commands refused", result.stderr)
-        self.assertIn("bad.csv:2", result.stderr)
+        self.assertIn("bad.csv:2, on 'drive_torque'", result.stderr)
         self.assertIn("commands refused: 2\n", result.stderr)
 
     def test_a_stopped_motion_keeps_its_samples(self):
