@@ -246,7 +246,7 @@ TEST(WrittenStates, InconsistentVelocitiesAreRefusedOrProjected) {
     const MotionState wanted = written("shafts: {a: {velocity: 4}}", simulation, before);
     const std::string fault = simulation.setState(wanted);
     EXPECT_NE(fault.find("the velocities [4, "), std::string::npos) << fault;
-    EXPECT_NE(fault.find("nearest consistent velocities are ["), std::string::npos) << fault;
+    EXPECT_NE(fault.find("consistent velocities near them are ["), std::string::npos) << fault;
     // Nothing has changed.
     const MotionState after = present(simulation);
     EXPECT_EQ(toYaml(toTree(after, simulation.scene())),

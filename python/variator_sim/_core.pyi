@@ -174,7 +174,7 @@ class Simulation:
 
         Args:
             state: of `state`, or such as {"shafts": {"drive": {"velocity": 5.0}}} (doc/scene.md).
-            project: move inconsistent values to the nearest consistent ones.
+            project: move inconsistent values to consistent ones near them.
         """
     def take_events(self) -> List[Dict[str, Any]]:
         """Changes of modes and events of the scene up to the present that have not been taken:

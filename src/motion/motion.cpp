@@ -154,8 +154,7 @@ bool Motion::step() {
     return false;
   }
   if (progress.areRefused()) {
-    program.leave();
-    stop(stops.reasonOfRounding());
+    stop(StopReason::kToleranceTooSmall);
     status.time = front;
     return false;
   }
@@ -210,7 +209,7 @@ void Motion::stop(scene_status why) {
   // (Of accelerations that follow from the state: those of gauss.)
   const bool is_lost = it.rounding > 1.0 && status.reason == StopReason::kStepUnderflow;
   if (!is_lost || why != SCENE_TOO_MANY_STEPS) return;
-  status.reason = stops.reasonOfRounding();
+  status.reason = StopReason::kToleranceTooSmall;
   status.measure = it.rounding;
 }
 

@@ -244,30 +244,12 @@ std::string tellNotFound(const Misfit& misfit, const std::string& near,
          (residuals.empty() ? "" : " (there:" + residuals + ")");
 }
 
-/// True where the constraints are linear from the given values to those found, which are then the
-/// nearest in the metric J.
-bool areNearest(const Scene& scene, const Misfit& misfit, const StateView& state) {
-  StateView found = state;
-  (misfit.of_velocities ? found.velocity : found.acceleration) = misfit.nearest;
-  return std::all_of(scene.constraints.begin(), scene.constraints.end(), [&](const auto& it) {
-    if (it->order() > (misfit.of_velocities ? 1 : 2)) return true;
-    double C[kMaxShafts];
-    double there[kMaxShafts];
-    it->calcResidualAndJacobian(state, C);
-    it->calcResidualAndJacobian(found, there);
-    return std::equal(C, C + scene.shaftCount(), there, [](double a, double b) {
-      return std::abs(a - b) <= 1e-9 * std::max(1.0, std::abs(a));
-    });
-  });
-}
-
-/// Returns the residuals and the values found with `remedy`, their use.
-std::string tellNearest(const Scene& scene, const Misfit& misfit, const StateView& state,
-                        const std::string& residuals, const std::string& remedy) {
-  const bool are_nearest = areNearest(scene, misfit, state);
-  return residuals + (residuals.empty() ? "" : ";") + (are_nearest ? " the nearest" : "") +
-         " consistent " + levelOf(misfit) + (are_nearest ? "" : " near them") + " are " +
-         formatNumbers(misfit.nearest, scene.shaftCount()) + " (" + remedy + ")";
+/// Returns the residuals, and the values that Newton's projection finds, with `remedy`, their use.
+std::string tellNear(const Scene& scene, const Misfit& misfit, const std::string& residuals,
+                     const std::string& remedy) {
+  return residuals + (residuals.empty() ? "" : ";") + " consistent " + levelOf(misfit) +
+         " near them are " + formatNumbers(misfit.nearest, scene.shaftCount()) + " (" + remedy +
+         ")";
 }
 
 /// Returns the candidates that have the same reaction, or may have.
@@ -335,7 +317,7 @@ std::string describeMisfit(const Scene& scene, const Misfit& misfit, const State
   }
   return "the " + levelOf(misfit) + " " + values +
          " do not satisfy the constraints or the principle:" +
-         tellNearest(scene, misfit, state, residuals, "set these, or have them projected");
+         tellNear(scene, misfit, residuals, "set these, or have them projected");
 }
 
 void throwInitialError(const Scene& scene, const Misfit& misfit, const StateView& state,
@@ -357,8 +339,8 @@ void throwInitialError(const Scene& scene, const Misfit& misfit, const StateView
     text = formatNumbers(of_velocities ? state.velocity : state.acceleration, scene.shaftCount()) +
            (by_principle ? " is not what the principle 'gauss' gives:"
                          : " does not satisfy the constraints:") +
-           tellNearest(scene, misfit, state, residuals,
-                       "write these, or set 'initial/project: true' to start there");
+           tellNear(scene, misfit, residuals,
+                    "write these, or set 'initial/project: true' to start there");
   }
   throw SceneError(of_velocities ? "initial/velocity" : "initial/acceleration",
                    text + scene.extreme_numbers);

@@ -82,7 +82,7 @@ void StopSearch::explain() {
   const double least = leastDistance();
   if (findBadValue(state) || findLostRow(state, 3) || findFaultAhead(slope, least)) return;
   if (motion_.status.reason != StopReason::kStepUnderflow) return;
-  if (leapsAhead(slope, least)) {
+  if (doSolutionsMeet()) {
     motion_.status.reason = StopReason::kProjectionFailed;
     return;
   }
@@ -175,27 +175,6 @@ bool StopSearch::findFaultAhead(const double* slope, double least) {
     return true;
   }
   return false;
-}
-
-bool StopSearch::leapsAhead(const double* slope, double least) {
-  const double front = program_.front();
-  if (motion_.beginning.search() == nullptr || program_.text().IS_CLASSICAL == 0) return false;
-  double h = least;
-  for (int decade = 0; decade <= kReach; ++decade, h *= 10.0) {
-    Ahead ahead(program_.it.state, slope, 2 * S, h);
-    double multipliers[kMaxShafts] = {};
-    double* const epsilon = ahead.values + 2 * S;
-    if (!followAhead(h, ahead.values, multipliers)) return false;
-    // Continued back to the front, another branch leads to other accelerations.
-    const bool leads_back = motion_.beginning.search()->follow(
-        motion_.observation.view(program_.it.state, front), epsilon, multipliers);
-    if (leads_back && !Beginning::agree(program_.it.state + 2 * S, epsilon, S)) return true;
-  }
-  return false;
-}
-
-StopReason StopSearch::reasonOfRounding() {
-  return doSolutionsMeet() ? StopReason::kProjectionFailed : StopReason::kToleranceTooSmall;
 }
 
 bool StopSearch::doSolutionsMeet() {

@@ -26,10 +26,6 @@ class StopSearch {
   bool findBadValue(const StateView& state);
   bool findLostRow(const StateView& state, int highest_order);
 
-  /// Returns why the motion stops where rounding moves the accelerations by more than the
-  /// tolerance. [loop]
-  StopReason reasonOfRounding();
-
   /// Returns the sentence for the motion's status. Writes the element that it names to `culprit`,
   /// unless that is null.
   std::string describe(Element* culprit);
@@ -45,9 +41,6 @@ class StopSearch {
   /// Looks for a law that is not finite, or accelerations that end, just ahead of the front, whose
   /// state has these slopes. `least`: the first distance, s.
   bool findFaultAhead(const double* slope, double least);
-  /// Looks for another branch of accelerations just ahead of the front: the fold at which a branch
-  /// ends lies within the shortest step.
-  bool leapsAhead(const double* slope, double least);
   /// True where two solutions for the accelerations of `gauss` meet, behind which there are none.
   bool doSolutionsMeet();
   /// Finds a law that changes its branch within the shortest step of the front, on either side.
