@@ -57,7 +57,7 @@ struct InitialConditions {
   std::vector<double> angle;         ///< rad, s values
   std::vector<double> velocity;      ///< rad/s, s values
   std::vector<double> acceleration;  ///< rad/s^2; empty: accelerations of least reaction
-  bool project = false;              ///< move inconsistent values to the nearest consistent ones
+  bool project = false;              ///< move inconsistent values to consistent ones near them
   double time = 0.0;                 ///< s, of these values: the motion begins there
 };
 

@@ -122,7 +122,7 @@ class Simulation {
   bool peekState(MotionState* state);
   /// Continues the motion from `state`, at its time. A consistent state with a history is taken as
   /// it is, to the bit; others are polished onto the constraints, and inconsistent ones moved to
-  /// the nearest consistent velocities and accelerations when `project`. Returns "" or the reason
+  /// consistent velocities and accelerations near them when `project`. Returns "" or the reason
   /// for a failure: the motion then continues as after `saveState`. Counters count on.
   std::string setState(const MotionState& state, bool project = false);
 
