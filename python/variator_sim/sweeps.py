@@ -14,6 +14,7 @@ import os
 import re
 import stat
 import sys
+import threading
 import time
 import types
 import zipfile
@@ -34,6 +35,7 @@ DISTRIBUTIONS = {"normal": numpy.random.Generator.normal,
                  "lognormal": numpy.random.Generator.lognormal}
 MOST_RUNS = 10_000_000  # of one sweep: its table is held in memory
 COMPILE_SECONDS = 2.0  # what is left of a sweep for machine code to be worth compiling
+PATIENCE_SECONDS = 0.7  # for threads to end after Ctrl-C
 CHUNK_SECONDS = 1.0  # wall time of what is run at once: nothing finished is older when killed
 MOST_THREADS = 1024
 CONNECT_SECONDS = 5  # for a Dask scheduler to answer
@@ -190,15 +192,16 @@ def find_columns(simulation, metrics):
     return groups, [(kind, names.index(column), band) for kind, column, band in metrics]
 
 
-def calc_metric(kind, column, band, result):
-    """A metric of a `Result`, as _core._sweep has it."""
-    time, values = result.time, result.values[:, column]
+def calc_metric(kind, column, band, samples):
+    """A metric of the samples of a run, samples x columns, the time first."""
+    time, values = samples[:, 0], samples[:, column]
     if kind in ("final", "min", "max"):
         return {"final": values[-1], "min": values.min(), "max": values.max()}[kind]
     if kind in ("integral", "mean"):
-        integral = float(numpy.trapz(values, time))
+        trapezoids = 0.5 * (values[1:] + values[:-1]) * (time[1:] - time[:-1])
+        integral = trapezoids.cumsum()[-1] if len(time) > 1 else 0.0  # (a sum in this order)
         return integral if kind == "integral" else integral / (time[-1] - time[0]) if time[-1] > time[0] else values[0]
-    off = numpy.flatnonzero(numpy.abs(values - values[-1]) > band * abs(values[-1] - values[0]))
+    off = numpy.flatnonzero(~(numpy.abs(values - values[-1]) <= band * abs(values[-1] - values[0]))[:-1])
     return time[off[-1] + 1 if len(off) else 0] - time[0]
 
 
@@ -269,6 +272,7 @@ class Task:
             raise ValueError("overrides: a path that varies is overridden too")
         simulation = read_one(scene, overrides or {}, paths, values)
         groups, places = find_columns(simulation, read)
+        self.width = len(simulation.columns(groups))
         self.duration, times = checked_times(duration, rate, times)
         if times is None and all(kind == "final" for kind, _, _ in read):
             times = [self.duration]  # nothing before the end is looked at
@@ -290,7 +294,7 @@ class Task:
                                    "the run's own controller, a function of a sample as `simulate` has it")
             result = simulate(self.scene, duration, rate=rate, times=times, commands=commands, columns=groups,
                               overrides={**(self.overrides or {}), **values}, controller=controller, period=self.period)
-            return [calc_metric(kind, column, band, result) for kind, column, band in metrics], ""
+            return [calc_metric(*metric, result.values) for metric in metrics], ""
         except NoController:
             raise
         except Exception as error:  # pylint: disable=broad-except
@@ -303,8 +307,8 @@ class Task:
         if self.controller is not None:
             rows = [self.run_controlled(row) for row in values]
             return numpy.array([row[0] for row in rows]), [row[1] for row in rows]
-        return _core._sweep(self.scene, self.overrides, self.paths, values.tolist(),
-                            *self.arguments, threads, compiles)
+        rows = run_rows(self, values.tolist(), threads, compiles)
+        return numpy.array([row[0] for row in rows]), [row[1] for row in rows]
 
     def fingerprint(self, values, shard):
         """A hash of everything that the runs depend on, every number to its last bit."""
@@ -495,6 +499,54 @@ def chunk_size(size, seconds, left, parts):
 def is_long(size, seconds, left, parts):
     """Whether what is left repays compiling, after `size` runs took one of `parts` `seconds`."""
     return left * seconds / size > COMPILE_SECONDS * parts
+
+
+def run_rows(task, values, threads, compiles):
+    """Metrics and the reason of each row of values, on `threads` threads, or as many as can be started."""
+    *arguments, metrics = task.arguments
+    sweep = _core._Sweep(task.scene, task.overrides, task.paths, *arguments, compiles)
+    rows, faults = [None] * len(values), []
+    left = iter(range(len(values)))
+
+    def end(fault):
+        faults.append(fault)
+        sweep.cancel()
+
+    def work():
+        runner = _core._RowRunner(sweep)
+        try:
+            with numpy.errstate(all="ignore"):
+                for i in left:
+                    samples, reason = runner.run(values[i], task.width)
+                    if faults:
+                        return
+                    failed = reason or not len(samples)
+                    rows[i] = [math.nan if failed else calc_metric(*metric, samples) for metric in metrics], reason
+        except BaseException as fault:  # pylint: disable=broad-except
+            end(fault)
+
+    pool = []
+    try:
+        for _ in range(min(threads, len(values))):
+            thread = threading.Thread(target=work, daemon=True)  # one that a plugin blocks is left behind
+            try:
+                thread.start()
+            except RuntimeError:  # fewer threads make the same rows
+                if not pool:
+                    raise
+                break
+            pool.append(thread)
+        for thread in pool:
+            thread.join()
+    except BaseException as fault:
+        end(fault)
+        latest = time.monotonic() + PATIENCE_SECONDS
+        for thread in pool:
+            thread.join(max(0.0, latest - time.monotonic()))
+        raise
+    if faults:
+        raise faults[0]
+    return rows
 
 
 def run_locally(task, values, runs, threads, finished):

@@ -4,7 +4,6 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
-#include <algorithm>
 #include <exception>
 #include <memory>
 #include <string>
@@ -61,35 +60,29 @@ RunRequest makeRequest(double duration, double rate, const py::object& times,
   return request;
 }
 
-using MetricTuple = std::tuple<std::string, std::size_t, double>;
-
-/// Returns the values of the metrics, runs x metrics, and the runs' reasons.
-py::tuple sweepRows(const py::object& scene, const py::object& overrides,
-                    const std::vector<std::string>& paths,
-                    const std::vector<std::vector<double>>& values, double duration, double rate,
-                    const py::object& times, const std::vector<CommandTuple>& commands,
-                    const std::string& columns, const std::vector<MetricTuple>& metrics,
-                    int threads, bool compiles) {
-  SweepRequest request{readSceneArgument(scene),
-                       readOverrides(overrides),
-                       paths,
-                       makeRequest(duration, rate, times, commands, columns, false),
-                       {},
-                       compiles};
-  for (const auto& [kind, column, band] : metrics) request.metrics.push_back({kind, column, band});
-  std::vector<SweepRow> rows;
-  withoutLock([&] {
-    rows = runSweep(std::move(request), values, threads,
-                    std::make_shared<PluginlibComponentFactory>());
-  });
-  Array result({static_cast<py::ssize_t>(rows.size()), static_cast<py::ssize_t>(metrics.size())});
-  double* number = result.mutable_data();
-  py::list reasons;
-  for (const SweepRow& row : rows) {
-    number = std::copy(row.metrics.begin(), row.metrics.end(), number);
-    reasons.append(row.reason);
-  }
-  return py::make_tuple(result, reasons);
+void bindSweep(py::module& module) {
+  py::class_<Sweep, std::shared_ptr<Sweep>>(module, "_Sweep")
+      .def(py::init([](const py::object& scene, const py::object& overrides,
+                       std::vector<std::string> paths, double duration, double rate,
+                       const py::object& times, const std::vector<CommandTuple>& commands,
+                       const std::string& columns, bool compiles) {
+        return std::shared_ptr<Sweep>(new Sweep{
+            withOverrides(readSceneArgument(scene), readOverrides(overrides)), std::move(paths),
+            makeRequest(duration, rate, times, commands, columns, false),
+            std::make_shared<PluginlibComponentFactory>(), CodeOfRows(compiles)});
+      }))
+      .def("cancel", [](Sweep& self) { self.is_cancelled = true; });
+  py::class_<RowRunner>(module, "_RowRunner")
+      .def(py::init<std::shared_ptr<Sweep>>())
+      .def("run", [](RowRunner& self, const std::vector<double>& values, py::ssize_t columns) {
+        SweepRow row;
+        {
+          const py::gil_scoped_release release;
+          row = self.run(values);
+        }
+        const auto samples = static_cast<py::ssize_t>(row.values.size()) / columns;
+        return py::make_tuple(Array({samples, columns}, row.values.data()), row.reason);
+      });
 }
 
 // --- fast calls
@@ -310,7 +303,7 @@ PYBIND11_MODULE(_core, module) {
   python::bindSample(module);
   python::bindAnalysis(module);
   python::bindSimulation(module);
-  module.def("_sweep", &python::sweepRows);
+  python::bindSweep(module);
   module.def("_describe_scene", [](const py::object& scene, const py::object& overrides) {
     // Numbers keep all bits, unlike Python's str() of an array.
     std::string text = toYaml(python::readSceneArgument(scene));

@@ -1,8 +1,11 @@
-/// Runs of one simulation, and many runs of one scene with other values, on all cores. It does not
-/// depend on Python, and is called with or without the interpreter's lock.
+/// Runs of one simulation, and many runs of one scene with other values. It does not depend on
+/// Python, and is called with or without the interpreter's lock.
 #pragma once
 
+#include <array>
+#include <atomic>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <utility>
 #include <vector>
@@ -38,41 +41,64 @@ struct RunRows {
 /// derivatives to the samples, or null. Throws CommandFileError.
 RunRows run(Simulation& simulation, const RunRequest& request, Sensitivity* sensitivity = nullptr);
 
-/// One number of a run, from one of its columns.
-struct Metric {
-  std::string kind;        ///< "final", "min", "max", "mean", "integral" or "settling"
-  std::size_t column = 0;  ///< of RunRequest::columns
-  /// For "settling": half width of the settled band, as a part of the change, end minus start.
-  double band = 0.02;
+/// Machine code of some runs, never moved, which all rows share. A scene in which two numbers
+/// happen to be equal has other formulas than one in which they differ, so there are a few.
+class CodeOfRows {
+ public:
+  explicit CodeOfRows(bool compiles) : compiles_(compiles) {}
+  void giveTo(Simulation& simulation);
+
+ private:
+  static constexpr std::size_t kMost = 4;
+  const bool compiles_;
+  std::mutex mutex_;
+  std::size_t tried_ = 0;
+  std::array<std::unique_ptr<Simulation>, kMost> owners_;
+  std::atomic<std::size_t> ready_{0};
 };
 
-/// Evaluates `rows` of `width` values, the time first; NaN without rows. "mean" and "integral":
-/// over time, by trapezoids. "settling": the first sample from which on the value stays within
-/// the band around its last one, s since the start.
-double calcMetric(const Metric& metric, const std::vector<double>& rows, std::size_t width);
-
-struct SweepRequest {
-  ParameterTree tree;
-  Overrides overrides;             ///< the same for all runs
-  std::vector<std::string> paths;  ///< keys whose values differ
-  RunRequest run;
-  std::vector<Metric> metrics;
-  /// Compiles formulas without machine code in the cache before the runs.
-  bool compiles = false;
+/// What the threads of a sweep share: one that a plugin blocks may outlive it.
+struct Sweep {
+  const ParameterTree tree;              ///< with the overrides of all rows
+  const std::vector<std::string> paths;  ///< keys whose values differ
+  const RunRequest run;
+  const std::shared_ptr<ComponentFactory> factory;
+  CodeOfRows code;
+  std::atomic<bool> is_cancelled{false};  ///< ends the runs under way
 };
 
 /// One run of a sweep.
 struct SweepRow {
-  std::vector<double> metrics;  ///< NaN where the run failed
-  std::string reason;           ///< "" or why it failed
+  std::vector<double> values;  ///< of RunRows
+  std::string reason;          ///< "" or why it failed
 };
 
-/// Runs every row of `values` (one value a path) on `threads` threads, or on as many as can be
-/// started; an Interruption of the calling thread ends all of them: a thread that does not end
-/// soon, as a plugin blocks it, is left behind, and Interrupted is thrown. A row's result depends
-/// neither on the other rows nor on the number of threads. Any exception of a thread other than a
-/// row's fault ends the others and is rethrown.
-std::vector<SweepRow> runSweep(SweepRequest request, std::vector<std::vector<double>> values,
-                               int threads, std::shared_ptr<ComponentFactory> factory);
+/// Makes the runs of a sweep, for one thread; reads only changed values if that suffices.
+class RowRunner {
+ public:
+  explicit RowRunner(std::shared_ptr<Sweep> sweep)
+      : sweep_(std::move(sweep)), tree_(sweep_->tree) {}
+
+  /// Runs with one value a path. The result depends neither on other rows nor on other threads.
+  /// Throws what is no fault of the row.
+  SweepRow run(const std::vector<double>& values);
+
+ private:
+  /// Runs after which the formulas are read anew, since their graph may grow with every run.
+  static constexpr int kUses = 64;
+
+  Simulation make(const std::vector<double>& values);
+  Scene read(const std::vector<double>& values);
+  void inspect(const Scene& scene);
+
+  const std::shared_ptr<Sweep> sweep_;
+  ParameterTree tree_;
+  bool is_known_ = false;
+  bool keeps_formulas_ = false;
+  Scene model_;
+  /// Simulation of the first row with these formulas.
+  std::unique_ptr<Simulation> like_;
+  int uses_left_ = 0;
+};
 
 }  // namespace variator_sim::python
