@@ -438,7 +438,7 @@ int runSamples(Simulation& simulation, const SimulateOptions& options) {
 int runSimulate(const std::vector<std::string>& words) {
   const SimulateOptions options = parseSimulateOptions(words);
   if (options.help) {
-    writeOutput("", simulateHelp());
+    writeOutput("", kSimulateHelp);
     return kSuccess;
   }
   for (const std::string& path :

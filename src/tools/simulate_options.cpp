@@ -115,6 +115,27 @@ class OptionParser {
   CLI::App app_;
 };
 
+/// Adds the options of programs that are written and not run.
+void addEmissions(OptionParser& parser, SimulateOptions& options) {
+  parser.take("--emit-c", [&options](const std::string& word) {
+    if (word.empty()) throw UsageError("--emit-c: needs a folder");
+    options.emit_c_path = word;
+  });
+  parser.take("--emit-fmu", [&options](const std::string& word) {
+    if (std::filesystem::path(word).extension() != ".fmu") {
+      throw UsageError("--emit-fmu: " + inQuotes(word) + " does not end in .fmu");
+    }
+    options.emit_fmu_path = word;
+  });
+  parser.take("--fmi", [&options](const std::string& word) {
+    if (word != "2" && word != "3") {
+      throw UsageError("--fmi: " + inQuotes(word) +
+                       " is no version that is written; allowed: 2, 3");
+    }
+    options.fmi = word == "2" ? 2 : 3;
+  });
+}
+
 /// Rejects options without the one that they belong to, and two modes at once.
 void checkModes(const OptionParser& given) {
   using Pair = std::pair<const char*, const char*>;
@@ -243,23 +264,7 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   parser.flag("--explain", options.explain);
   parser.flag("--latex", options.latex);
   parser.flag("--compile", options.compile);
-  parser.take("--emit-c", [&](const std::string& word) {
-    if (word.empty()) throw UsageError("--emit-c: needs a folder");
-    options.emit_c_path = word;
-  });
-  parser.take("--emit-fmu", [&](const std::string& word) {
-    if (std::filesystem::path(word).extension() != ".fmu") {
-      throw UsageError("--emit-fmu: " + inQuotes(word) + " does not end in .fmu");
-    }
-    options.emit_fmu_path = word;
-  });
-  parser.take("--fmi", [&](const std::string& word) {
-    if (word != "2" && word != "3") {
-      throw UsageError("--fmi: " + inQuotes(word) +
-                       " is no version that is written; allowed: 2, 3");
-    }
-    options.fmi = word == "2" ? 2 : 3;
-  });
+  addEmissions(parser, options);
   parser.flag("--linearize", options.linearize);
   parser.text("--at", options.at);
   parser.flag("--full", options.full);
@@ -285,8 +290,8 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   return options;
 }
 
-const char* simulateHelp() {
-  return R"(Simulates a drivetrain without a ROS master, as fast as it can.
+const char* const kSimulateHelp =
+    R"(Simulates a drivetrain without a ROS master, as fast as it can.
 
 usage: simulate SCENE.yaml --duration S [options]
        simulate SCENE.yaml --duration S --check-minimum|--compare-principles [options]
@@ -378,6 +383,5 @@ Exit status: 0 the end was reached, or the reader of standard output went away
              130 interrupted by Ctrl-C
 In every case the samples up to then are written.
 )";
-}
 
 }  // namespace variator_sim

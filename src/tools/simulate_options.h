@@ -65,7 +65,7 @@ inline std::string endingOf(const std::string& path) {
   return path.substr(std::min(path.rfind('.'), path.size()));
 }
 
-/// Returns the text of --help.
-const char* simulateHelp();
+/// The text of --help.
+extern const char* const kSimulateHelp;
 
 }  // namespace variator_sim
