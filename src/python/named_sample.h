@@ -45,10 +45,9 @@ struct SampleNames {
   explicit SampleNames(const Simulation& simulation)
       : shafts(simulation.scene().shafts.size()),
         constraints(simulation.scene().constraints.size()) {
-    for (const Column& column : listColumns(simulation, {})) {
-      names.push_back(column.name);
-      places[py::str(column.name)] = column.place;
-    }
+    const Columns columns(simulation, {});
+    names = columns.names();
+    for (std::size_t i = 0; i < names.size(); ++i) places[py::str(names[i])] = columns.places()[i];
   }
 
   /// Reads a column of `sample`. Returns false if there is none of this name.

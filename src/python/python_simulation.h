@@ -329,7 +329,7 @@ class PythonSimulation {
                           by == nullptr ? "" : by->stop());
   }
   std::vector<std::string> columnsOf(const ColumnGroups& groups) {
-    return columnNames(get(), groups);
+    return Columns(get(), groups).names();
   }
   py::object stopped() {
     Simulation& simulation = simulation_;

@@ -109,18 +109,12 @@ RunRows run(Simulation& simulation, const RunRequest& request, Sensitivity* sens
   if (request.until_rest) offline.endAtRest();
   RunRows rows;
   rows.ignored_commands = offline.ignoredCount() + offline.pastCount();
-  const RowMaker maker(simulation, request.columns);
+  const Columns columns(simulation, request.columns);
   SampleBlock samples;
   samples.samples.reserve(OfflineRun::kBlockSize);
   for (bool more = true; more && !Interruption::isWanted();) {
     more = offline.advanceBlock(kNever, samples);
-    const double* quantities = samples.quantities.data();
-    for (const Sample& sample : samples.samples) {
-      rows.values.resize(rows.values.size() + maker.columnCount());
-      maker.write(sample, quantities,
-                  rows.values.data() + rows.values.size() - maker.columnCount());
-      quantities += maker.quantityCount();
-    }
+    columns.append(samples, &rows.values);
   }
   return rows;
 }

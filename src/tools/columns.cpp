@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <stdexcept>
 
-#include "variator_sim/simulation.h"
+#include "tools/offline_run.h"
 
 namespace variator_sim {
 namespace {
@@ -27,6 +27,7 @@ constexpr SampleColumn kConstraintColumns[] = {{"/residual", offsetof(Sample, re
 /// In the order of Energy.
 constexpr const char* kEnergyColumns[] = {"energy/kinetic", "energy/applied", "energy/reactions",
                                           "power/applied", "power/reactions"};
+constexpr const char* kError = "/estimated_error";
 
 /// In the order of the columns.
 std::vector<std::string> groupNames() {
@@ -58,71 +59,60 @@ ColumnGroups readColumnGroups(const std::string& list) {
   return columns;
 }
 
-std::vector<Column> listColumns(const Simulation& simulation, const ColumnGroups& groups) {
-  const Scene& scene = simulation.scene();
-  std::vector<Column> columns{{"time", offsetof(Sample, time) / sizeof(double)}};
-  const auto add = [&](const std::string& name, std::size_t offset, std::size_t index) {
-    columns.push_back({name, offset / sizeof(double) + index});
-  };
-  const auto addError = [&](std::size_t offset, std::size_t index) {
-    if (groups.errors && offset != 0) add(columns.back().name + "/estimated_error", offset, index);
-  };
-  for (std::size_t i = 0; groups.state && i < scene.shafts.size(); ++i) {
-    for (const SampleColumn& it : kShaftColumns) {
-      add(scene.shafts[i] + it.name, it.offset, i);
-      addError(it.error_offset, i);
-    }
-  }
-  for (std::size_t m = 0; groups.state && m < scene.constraints.size(); ++m) {
-    for (const SampleColumn& it : kConstraintColumns) {
-      add(scene.constraints[m]->name() + it.name, it.offset, m);
-    }
-  }
-  std::size_t quantity = kSampleNumbers;
+Columns::Columns(const Simulation& simulation, const ColumnGroups& groups) {
+  add("time", offsetof(Sample, time), 0);
+  if (groups.state) addState(simulation.scene(), groups.errors);
   for (const QuantityGroup group : groups.quantities) {
     // Elements and shafts have unique names in the scene; names of inputs and outputs include the
     // group.
     const bool is_unique = group == QuantityGroup::kElements || group == QuantityGroup::kPrinciple;
     const std::string prefix = is_unique ? "" : std::string(toString(group)) + "/";
+    const bool has_errors = group == QuantityGroup::kStates && groups.errors;
     std::size_t n = 0;
     for (const std::string& name : simulation.quantityNames(group)) {
-      columns.push_back({prefix + name, quantity++});
-      if (group == QuantityGroup::kStates) addError(offsetof(Sample, state_error), n++);
+      addQuantity(prefix + name);
+      if (has_errors) add(prefix + name + kError, offsetof(Sample, state_error), n++);
     }
   }
   if (groups.energy) {
     std::size_t n = 0;
     for (const char* name : kEnergyColumns) add(name, offsetof(Sample, energy), n++);
   }
-  for (const std::string& name : groups.derivatives) columns.push_back({name, quantity++});
-  return columns;
+  for (const std::string& name : groups.derivatives) addQuantity(name);
 }
 
-std::vector<std::string> columnNames(const Simulation& simulation, const ColumnGroups& groups) {
-  std::vector<std::string> names;
-  for (const Column& it : listColumns(simulation, groups)) names.push_back(it.name);
-  return names;
-}
-
-std::vector<std::string> columnTitles(const Simulation& simulation, const ColumnGroups& groups) {
-  std::vector<std::string> titles = columnNames(simulation, groups);
-  for (const Output& output : simulation.scene().outputs) {
-    const auto found = std::find(titles.begin(), titles.end(), "outputs/" + output.name());
-    if (found != titles.end() && !output.unit().empty()) *found += " [" + output.unit() + "]";
+void Columns::addState(const Scene& scene, bool has_errors) {
+  for (std::size_t i = 0; i < scene.shafts.size(); ++i) {
+    for (const SampleColumn& it : kShaftColumns) {
+      add(scene.shafts[i] + it.name, it.offset, i);
+      if (has_errors && it.error_offset != 0) add(names_.back() + kError, it.error_offset, i);
+    }
   }
-  return titles;
-}
-
-RowMaker::RowMaker(const Simulation& simulation, const ColumnGroups& groups) {
-  for (const Column& it : listColumns(simulation, groups)) {
-    places_.push_back(it.place);
-    if (it.place >= kSampleNumbers) ++quantity_count_;
+  for (std::size_t m = 0; m < scene.constraints.size(); ++m) {
+    for (const SampleColumn& it : kConstraintColumns) {
+      add(scene.constraints[m]->name() + it.name, it.offset, m);
+    }
   }
 }
 
-void RowMaker::write(const Sample& sample, const double* quantities, double* row) const {
-  for (const std::size_t place : places_) {
-    *row++ = place < kSampleNumbers ? numberAt(sample, place) : quantities[place - kSampleNumbers];
+void Columns::add(const std::string& name, std::size_t offset, std::size_t index) {
+  names_.push_back(name);
+  places_.push_back(offset / sizeof(double) + index);
+}
+
+void Columns::addQuantity(const std::string& name) {
+  names_.push_back(name);
+  places_.push_back(kSampleNumbers + quantity_count_++);
+}
+
+void Columns::append(const SampleBlock& block, std::vector<double>* rows) const {
+  const double* quantities = block.quantities.data();
+  for (const Sample& sample : block.samples) {
+    for (const std::size_t place : places_) {
+      rows->push_back(place < kSampleNumbers ? numberAt(sample, place)
+                                             : quantities[place - kSampleNumbers]);
+    }
+    quantities += quantity_count_;
   }
 }
 

@@ -12,6 +12,8 @@
 namespace variator_sim {
 
 class Simulation;
+struct SampleBlock;
+struct Scene;
 
 /// The groups of columns (of topics in a bag) to write, in this order.
 struct ColumnGroups {
@@ -29,14 +31,6 @@ ColumnGroups readColumnGroups(const std::string& list);
 constexpr std::size_t kSampleNumbers = sizeof(Sample) / sizeof(double);
 static_assert(std::is_standard_layout_v<Sample> && sizeof(Sample) % sizeof(double) == 0);
 
-struct Column {
-  std::string name;   ///< e.g. "drive/velocity", "outputs/ratio", "energy/kinetic"
-  std::size_t place;  ///< among the sample's numbers, or kSampleNumbers + that of the quantity
-};
-
-/// Returns "time" and the other columns.
-std::vector<Column> listColumns(const Simulation& simulation, const ColumnGroups& groups);
-
 /// Returns one of a sample's numbers.
 inline double numberAt(const Sample& sample, std::size_t place) {
   double number;
@@ -45,23 +39,24 @@ inline double numberAt(const Sample& sample, std::size_t place) {
   return number;
 }
 
-/// Returns the names of the columns.
-std::vector<std::string> columnNames(const Simulation& simulation, const ColumnGroups& groups);
-
-/// Returns the names with the units that outputs state: "outputs/speed [rpm]".
-std::vector<std::string> columnTitles(const Simulation& simulation, const ColumnGroups& groups);
-
-/// Writes one sample's values in the order of `listColumns`.
-class RowMaker {
+/// "time" and the columns of the groups.
+class Columns {
  public:
-  RowMaker(const Simulation& simulation, const ColumnGroups& groups);
+  Columns(const Simulation& simulation, const ColumnGroups& groups);
 
-  std::size_t quantityCount() const { return quantity_count_; }
-  std::size_t columnCount() const { return places_.size(); }
-  /// `quantities`: those of the groups, group after group; `row`: columnCount values.
-  void write(const Sample& sample, const double* quantities, double* row) const;
+  /// E.g. "drive/velocity", "outputs/ratio", "energy/kinetic".
+  const std::vector<std::string>& names() const { return names_; }
+  /// Of each the place among a sample's numbers, or kSampleNumbers + that of the quantity.
+  const std::vector<std::size_t>& places() const { return places_; }
+  /// Appends the values of the samples to `rows`.
+  void append(const SampleBlock& block, std::vector<double>* rows) const;
 
  private:
+  void add(const std::string& name, std::size_t offset, std::size_t index);
+  void addState(const Scene& scene, bool has_errors);
+  void addQuantity(const std::string& name);
+
+  std::vector<std::string> names_;
   std::vector<std::size_t> places_;
   std::size_t quantity_count_ = 0;
 };

@@ -1,6 +1,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -15,12 +16,20 @@ namespace {
 // The longest double that std::to_chars writes has 24 characters ("-2.2250738585072014e-308").
 constexpr std::size_t kLongestNumber = 24;
 
+/// Returns the names with the units that outputs state: "outputs/speed [rpm]".
+std::vector<std::string> columnTitles(const Columns& columns, const Scene& scene) {
+  std::vector<std::string> titles = columns.names();
+  for (const Output& output : scene.outputs) {
+    const auto found = std::find(titles.begin(), titles.end(), "outputs/" + output.name());
+    if (found != titles.end() && !output.unit().empty()) *found += " [" + output.unit() + "]";
+  }
+  return titles;
+}
+
 class CsvWriter : public SampleWriter {
  public:
   CsvWriter(const std::string& path, const Simulation& simulation, const ColumnGroups& columns)
-      : name_(path.empty() ? "standard output" : path),
-        rows_(simulation, columns),
-        row_(rows_.columnCount()) {
+      : name_(path.empty() ? "standard output" : path), columns_(simulation, columns) {
     if (path.empty()) {
       file_ = STDOUT_FILENO;
     } else {
@@ -28,7 +37,7 @@ class CsvWriter : public SampleWriter {
       if (file_ < 0) failedToWrite(name_);
       owns_file_ = true;
     }
-    const std::string header = join(columnTitles(simulation, columns), ",") + "\n";
+    const std::string header = join(columnTitles(columns_, simulation.scene()), ",") + "\n";
     writeAll(header.data(), header.size());
   }
   ~CsvWriter() override {
@@ -36,13 +45,14 @@ class CsvWriter : public SampleWriter {
   }
 
   void write(const SampleBlock& block) override {
-    buffer_.resize(block.samples.size() * row_.size() * (kLongestNumber + 1));
+    rows_.clear();
+    columns_.append(block, &rows_);
+    buffer_.resize(rows_.size() * (kLongestNumber + 1));
+    const std::size_t width = columns_.names().size();
     char* end = buffer_.data();
-    const double* quantities = block.quantities.data();
-    for (const Sample& sample : block.samples) {
-      rows_.write(sample, quantities, row_.data());
-      end = writeRow(end);
-      quantities += rows_.quantityCount();
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      end = writeNumber(rows_[i], end);
+      *end++ = (i + 1) % width == 0 ? '\n' : ',';
     }
     writeAll(buffer_.data(), static_cast<std::size_t>(end - buffer_.data()));
   }
@@ -55,18 +65,10 @@ class CsvWriter : public SampleWriter {
   }
 
  private:
-  char* writeNumber(double value, char* end) {
+  static char* writeNumber(double value, char* end) {
     // The sign of a NaN depends on the processor and has no meaning.
     if (std::isnan(value)) value = std::numeric_limits<double>::quiet_NaN();
-    end = std::to_chars(end, end + kLongestNumber, value).ptr;
-    *end++ = ',';
-    return end;
-  }
-
-  char* writeRow(char* end) {
-    for (const double value : row_) end = writeNumber(value, end);
-    end[-1] = '\n';
-    return end;
+    return std::to_chars(end, end + kLongestNumber, value).ptr;
   }
 
   void writeAll(const char* data, std::size_t size) {
@@ -74,8 +76,8 @@ class CsvWriter : public SampleWriter {
   }
 
   std::string name_;
-  RowMaker rows_;
-  std::vector<double> row_;
+  Columns columns_;
+  std::vector<double> rows_;
   int file_ = -1;
   bool owns_file_ = false;
   std::vector<char> buffer_;
