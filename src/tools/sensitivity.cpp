@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -86,24 +87,11 @@ Made make(const ParameterTree& tree, const Sensitivity::SceneReader& read) {
 /// Weights of f(0) and h f'(0) from f at places of a line, by Lagrange's polynomials.
 struct Stencil {
   std::vector<double> places, of_value, of_slope;
-  explicit Stencil(std::vector<double> its_places) : places(std::move(its_places)) {
-    for (const double x : places) {
-      double value = 1.0;
-      double slope = 0.0;
-      for (const double y : places) {
-        if (y == x) continue;
-        double others = 1.0 / (x - y);
-        for (const double z : places) {
-          if (z != x && z != y) others *= -z / (x - z);
-        }
-        slope += others;
-        value *= -y / (x - y);
-      }
-      of_value.push_back(value);
-      of_slope.push_back(slope);
-    }
-  }
 };
+/// To both sides of the line, or to one where the scene refuses the other.
+const Stencil kStencils[] = {{{-1.0, 1.0}, {0.5, 0.5}, {-0.5, 0.5}},
+                             {{1.0, 2.0, 3.0}, {3.0, -3.0, 1.0}, {-2.5, 4.0, -1.5}},
+                             {{-1.0, -2.0, -3.0}, {3.0, -3.0, 1.0}, {2.5, -4.0, 1.5}}};
 
 Numbers combine(const std::vector<Made>& made, const std::vector<double>& weights) {
   Numbers sum(made.front().numbers.size());
@@ -135,7 +123,7 @@ struct Source {
     const Numbers along = slopeAlong(tree, read, by, direction, by.front().path, &made);
     for (const Made& it : made) requireKnown(tree, read, by, *it.program);
     const std::vector<int> structure = made.front().program->structure();
-    const Numbers values = combine(made, stencil_.of_value);
+    const Numbers values = combine(made, stencil_->of_value);
     Made node = std::move(made.front());
     for (std::size_t j = 0; j < by.size(); ++j) {
       std::vector<double> other = direction;
@@ -156,7 +144,7 @@ struct Source {
   }
 
  private:
-  Stencil stencil_{{-1.0, 1.0}};
+  const Stencil* stencil_ = kStencils;  ///< with which the slopes were made
 
   static void requireSame(const std::vector<int>& one, const std::vector<int>& other,
                           const std::string& path) {
@@ -176,7 +164,7 @@ struct Source {
     for (std::size_t j = 0; by.size() > 1 && j < by.size(); ++j) {
       ParameterTree moved = tree;
       setValue(moved, by[j].path,
-               ParameterTree::real(by[j].value + stencil_.places.back() * by[j].unit));
+               ParameterTree::real(by[j].value + stencil_->places.back() * by[j].unit));
       if (make(moved, read).program->otherNumbers() != here) path = by[j].path;
     }
     throw SceneError(path,
@@ -184,18 +172,15 @@ struct Source {
                      "numbers of laws, inputs, tables and initial values");
   }
 
-  /// Makes programs along a line, and returns the slopes of their numbers, per unit. On one side
-  /// only, where the scene refuses the other.
+  /// Makes programs along a line, and returns the slopes of their numbers, per unit.
   Numbers slopeAlong(const ParameterTree& tree, const Sensitivity::SceneReader& read,
                      const std::vector<Parameter>& by, const std::vector<double>& direction,
                      const std::string& path, std::vector<Made>* made) {
-    const std::vector<std::vector<double>> sides = {
-        stencil_.places, {1.0, 2.0, 3.0}, {-1.0, -2.0, -3.0}};
     std::string fault;
-    for (const std::vector<double>& places : sides) {
+    for (const Stencil* it = stencil_; it != std::end(kStencils); ++it) {
       try {
         made->clear();
-        for (const double place : places) {
+        for (const double place : it->places) {
           ParameterTree there = tree;
           for (std::size_t k = 0; k < by.size(); ++k) {
             setValue(there, by[k].path,
@@ -207,12 +192,12 @@ struct Source {
         if (fault.empty()) fault = error.what();
         continue;
       }
-      for (const Made& it : *made) {
-        requireSame(it.program->structure(), made->front().program->structure(), path);
-        if (it.numbers.size() != made->front().numbers.size()) requireSame({}, {0}, path);
+      for (const Made& one : *made) {
+        requireSame(one.program->structure(), made->front().program->structure(), path);
+        if (one.numbers.size() != made->front().numbers.size()) requireSame({}, {0}, path);
       }
-      stencil_ = Stencil(places);
-      return combine(*made, stencil_.of_slope);
+      stencil_ = it;
+      return combine(*made, it->of_slope);
     }
     throw SceneError(path, "has no derivative: values next to it are refused: " + fault);
   }
