@@ -235,7 +235,7 @@ int report(Simulation& simulation, OfflineRun& offline_run, const SimulateOption
 }
 
 /// Runs to the end, a stop, a signal or a closed output.
-int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
+int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter* writer,
         const SimulateOptions& options, const Span& span) {
   using Clock = std::chrono::steady_clock;
   // Blocks last long enough for their two readings of the clock not to matter, and are short enough
@@ -271,13 +271,13 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter& writer,
       if (block_time > kLongBlock) block_span *= 0.5;
 
       const Clock::time_point output_start = Clock::now();
-      if (!block.samples.empty()) writer.write(block);
+      if (writer != nullptr && !block.samples.empty()) writer->write(block);
       wall.output += secondsSince(output_start);
       sample_count += block.samples.size();
       progress.update(done);
     }
     const Clock::time_point output_start = Clock::now();
-    writer.close();
+    if (writer != nullptr) writer->close();
     wall.output += secondsSince(output_start);
   } catch (const OutputClosed&) {
     reader_has_gone = true;  // the reader closed it on purpose, so no message
@@ -354,18 +354,12 @@ int emitFmu(Simulation& simulation, const SimulateOptions& options) {
   return kSuccess;
 }
 
-/// Discards samples that are only looked at.
-class NoWriter final : public SampleWriter {
- public:
-  void write(const SampleBlock& /*block*/) override {}
-  void close() override {}
-};
-
-/// `columns`: those of the options, and derivatives.
+/// Returns nullptr where samples are only looked at. `columns`: those of the options, and
+/// derivatives.
 std::unique_ptr<SampleWriter> makeWriter(const Simulation& simulation,
                                          const SimulateOptions& options,
                                          const ColumnGroups& columns) {
-  if (options.check_minimum && options.output_path.empty()) return std::make_unique<NoWriter>();
+  if (options.check_minimum && options.output_path.empty()) return nullptr;
   return options.format == OutputFormat::kBag
              ? makeBagWriter(options.output_path, simulation, columns)
              : makeCsvWriter(options.output_path, simulation, columns);
@@ -376,8 +370,8 @@ int runChecked(Simulation& simulation, OfflineRun& offline_run, const SimulateOp
                const Span& span) {
   MinimumWatch watch(simulation, !options.curves_path.empty());
   offline_run.lookAt([&watch](const Sample& sample) { watch.look(sample); });
-  const int status = run(simulation, offline_run, *makeWriter(simulation, options, options.columns),
-                         options, span);
+  const int status = run(simulation, offline_run,
+                         makeWriter(simulation, options, options.columns).get(), options, span);
   bool is_least = true;
   writeOutput("", watch.describe(&is_least));
   if (!options.curves_path.empty()) writeOutput(options.curves_path, watch.curves());
@@ -396,7 +390,7 @@ int runDifferentiated(Simulation& simulation, OfflineRun& offline_run,
   columns.derivatives = sensitivity.names();
   offline_run.differentiate(&sensitivity);
   const int status =
-      run(simulation, offline_run, *makeWriter(simulation, options, columns), options, span);
+      run(simulation, offline_run, makeWriter(simulation, options, columns).get(), options, span);
   if (sensitivity.stop().empty()) return status;
   std::fprintf(stderr, "simulate: %s\n", sensitivity.stop().c_str());
   return status == kSuccess ? kStopped : status;
@@ -431,8 +425,8 @@ int runSamples(Simulation& simulation, const SimulateOptions& options) {
   if (options.check_minimum) return runChecked(simulation, offline_run, options, span);
   if (!options.sensitivity.empty())
     return runDifferentiated(simulation, offline_run, options, span);
-  return run(simulation, offline_run, *makeWriter(simulation, options, options.columns), options,
-             span);
+  return run(simulation, offline_run, makeWriter(simulation, options, options.columns).get(),
+             options, span);
 }
 
 int runSimulate(const std::vector<std::string>& words) {
