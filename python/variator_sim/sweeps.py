@@ -195,8 +195,10 @@ def find_columns(simulation, metrics):
 def calc_metric(kind, column, band, samples):
     """A metric of the samples of a run, samples x columns, the time first."""
     time, values = samples[:, 0], samples[:, column]
-    if kind in ("final", "min", "max"):
-        return {"final": values[-1], "min": values.min(), "max": values.max()}[kind]
+    if kind == "final":
+        return values[-1]
+    if kind in ("min", "max"):
+        return getattr(values, kind)()
     if kind in ("integral", "mean"):
         trapezoids = 0.5 * (values[1:] + values[:-1]) * (time[1:] - time[:-1])
         integral = trapezoids.cumsum()[-1] if len(time) > 1 else 0.0  # (a sum in this order)
