@@ -26,12 +26,9 @@ Diagnostics::Diagnostics(ros::NodeHandle public_handle, const ros::NodeHandle& p
                [this](diagnostic_updater::DiagnosticStatusWrapper& status) { fill(status); });
 }
 
-void Diagnostics::update(const LoopSnapshot& snapshot, std::uint64_t commands_dropped,
-                         std::uint64_t samples_dropped) {
-  const HealthCounts before = now_;
-  snapshot_ = snapshot;
-  now_ = {snapshot.pacing, snapshot.statistics, commands_dropped, samples_dropped};
-  health_ = judgeHealth(snapshot, now_, before);
+void Diagnostics::update(const LoopSnapshot& snapshot) {
+  health_ = judgeHealth(snapshot, now_);
+  now_ = snapshot;
   if (listeners_.getNumSubscribers() == 0) return;
   try {
     updater_.force_update();
@@ -43,15 +40,15 @@ void Diagnostics::update(const LoopSnapshot& snapshot, std::uint64_t commands_dr
 
 void Diagnostics::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.summary(static_cast<unsigned char>(health_.level), health_.summary);
-  status.add("real-time factor", snapshot_.real_time_factor);
+  status.add("real-time factor", now_.real_time_factor);
   status.add("ticks", now_.pacing.ticks);
   status.add("overruns", now_.pacing.overruns);
-  status.add("lateness p50 (us)", toMicroseconds(snapshot_.lateness.p50));
-  status.add("lateness p99 (us)", toMicroseconds(snapshot_.lateness.p99));
-  status.add("lateness max (us)", toMicroseconds(snapshot_.lateness.max));
+  status.add("lateness p50 (us)", toMicroseconds(now_.lateness.p50));
+  status.add("lateness p99 (us)", toMicroseconds(now_.lateness.p99));
+  status.add("lateness max (us)", toMicroseconds(now_.lateness.max));
   status.add("lost wall time (s)", static_cast<double>(now_.pacing.lost_time) / 1e9);
   for (std::size_t i = 0; i < constraints_.size(); ++i) {
-    status.add("residual of " + constraints_[i], snapshot_.residual[i]);
+    status.add("residual of " + constraints_[i], now_.residual[i]);
   }
   status.add("commands accepted", now_.statistics.commands_accepted);
   status.add("commands clamped", now_.statistics.commands_clamped);
@@ -60,8 +57,8 @@ void Diagnostics::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("command timeouts", now_.statistics.command_timeouts);
   status.add("samples dropped", now_.samples_dropped);
   status.add("rounding (tolerances)", now_.statistics.largest_rounding);
-  status.add("energy of the reactions", describe(snapshot_.energy_doubt));
-  status.add("stop reason", std::string(toString(snapshot_.reason)));
+  status.add("energy of the reactions", describe(now_.energy_doubt));
+  status.add("stop reason", std::string(toString(now_.reason)));
 }
 
 }  // namespace variator_sim

@@ -4,7 +4,6 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/node_handle.h>
 
-#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -21,15 +20,13 @@ class Diagnostics {
 
   /// Judges the events since the last call, and publishes the result if /diagnostics has
   /// subscribers. The caller calls it once a second.
-  void update(const LoopSnapshot& snapshot, std::uint64_t commands_dropped,
-              std::uint64_t samples_dropped);
+  void update(const LoopSnapshot& snapshot);
 
  private:
   void fill(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   std::vector<std::string> constraints_;
-  LoopSnapshot snapshot_;
-  HealthCounts now_;
+  LoopSnapshot now_;
   Health health_;
   ros::Publisher listeners_;
   diagnostic_updater::Updater updater_;

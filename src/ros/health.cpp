@@ -18,10 +18,9 @@ const char* nameOf(RunState state) {
 
 }  // namespace
 
-Health judgeHealth(const LoopSnapshot& snapshot, const HealthCounts& now,
-                   const HealthCounts& before) {
-  if (snapshot.state == RunState::kStopped) {
-    return {HealthLevel::kError, std::string("stopped: ") + toString(snapshot.reason)};
+Health judgeHealth(const LoopSnapshot& now, const LoopSnapshot& before) {
+  if (now.state == RunState::kStopped) {
+    return {HealthLevel::kError, std::string("stopped: ") + toString(now.reason)};
   }
   std::string wrong;
   const auto blame = [&wrong](const std::string& what) {
@@ -30,8 +29,8 @@ Health judgeHealth(const LoopSnapshot& snapshot, const HealthCounts& now,
   const auto blameCount = [&blame](std::uint64_t count, const char* what) {
     if (count > 0) blame(std::to_string(count) + what);
   };
-  if (snapshot.is_preparing) blame("preparing: the formulas are being compiled");
-  if (snapshot.waiting_for_clock) blame("waiting for /clock");
+  if (now.is_preparing) blame("preparing: the formulas are being compiled");
+  if (now.waiting_for_clock) blame("waiting for /clock");
   if (now.pacing.lost_time > before.pacing.lost_time) blame("fell behind its clock for good");
   const std::uint64_t overruns = added(now.pacing.overruns, before.pacing.overruns);
   const std::uint64_t ticks = added(now.pacing.ticks, before.pacing.ticks);
@@ -39,10 +38,9 @@ Health judgeHealth(const LoopSnapshot& snapshot, const HealthCounts& now,
     blame(std::to_string(overruns) + " of " + std::to_string(ticks) + " ticks overran");
   }
   // 0 is not measured yet.
-  if (snapshot.real_time_factor > 0.0 &&
-      snapshot.real_time_factor < kSlow * snapshot.wanted_factor) {
-    blame(printed("real-time factor %.3g instead of %.3g", snapshot.real_time_factor,
-                  snapshot.wanted_factor));
+  if (now.real_time_factor > 0.0 && now.real_time_factor < kSlow * now.wanted_factor) {
+    blame(
+        printed("real-time factor %.3g instead of %.3g", now.real_time_factor, now.wanted_factor));
   }
   const Statistics& counts = now.statistics;
   blameCount(added(counts.commands_refused, before.statistics.commands_refused),
@@ -52,7 +50,7 @@ Health judgeHealth(const LoopSnapshot& snapshot, const HealthCounts& now,
   blameCount(added(now.commands_dropped, before.commands_dropped), " commands dropped");
   blameCount(added(now.samples_dropped, before.samples_dropped), " samples dropped");
   if (!wrong.empty()) return {HealthLevel::kWarn, wrong};
-  return {HealthLevel::kOk, nameOf(snapshot.state)};
+  return {HealthLevel::kOk, nameOf(now.state)};
 }
 
 }  // namespace variator_sim

@@ -16,14 +16,6 @@ struct Health {
   std::string summary;  ///< what is wrong, or the state
 };
 
-/// Counters since the node's start or the last reset.
-struct HealthCounts {
-  Pacer::Counters pacing;
-  Statistics statistics;
-  std::uint64_t commands_dropped = 0;
-  std::uint64_t samples_dropped = 0;
-};
-
 /// Largest healthy fraction of overruns among the ticks.
 constexpr double kManyOverruns = 0.01;
 /// Smallest healthy ratio of measured to wanted real-time factor.
@@ -33,7 +25,6 @@ constexpr double kSlow = 0.9;
 /// samples were dropped, deadlines were moved, or more than kManyOverruns of the ticks were
 /// overruns; or the real-time factor is below kSlow of the one wanted; or /clock, or the compiler,
 /// is waited for. OK: everything else, a pause and a sleep included.
-Health judgeHealth(const LoopSnapshot& snapshot, const HealthCounts& now,
-                   const HealthCounts& before);
+Health judgeHealth(const LoopSnapshot& now, const LoopSnapshot& before);
 
 }  // namespace variator_sim

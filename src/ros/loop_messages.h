@@ -84,6 +84,8 @@ struct LoopSnapshot {
   Pacer::Counters pacing;
   Lateness lateness;
   Statistics statistics;
+  std::uint64_t commands_dropped = 0;  ///< filled in by the thread that reports, as the next one
+  std::uint64_t samples_dropped = 0;
   EnergyDoubt energy_doubt;
   std::array<double, kMaxConstraints> residual{};  ///< when last sampled: about ten times a second
 };

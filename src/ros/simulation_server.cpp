@@ -337,6 +337,8 @@ void SimulationServer::runStatus() {
       }
     }
     logReactionEnergy();
+    snapshot_.commands_dropped = loop_.droppedCommands();
+    snapshot_.samples_dropped = loop_.droppedSamples();
     const std::int64_t now = steady_clock_.now();
     if (now >= next_status) {
       if (!state_changed) publishStatus();
@@ -345,7 +347,7 @@ void SimulationServer::runStatus() {
       next_status = now + kStatusPeriod;
     }
     if (now >= next_diagnostics) {
-      diagnostics_.update(snapshot_, loop_.droppedCommands(), loop_.droppedSamples());
+      diagnostics_.update(snapshot_);
       next_diagnostics = now + kDiagnosticsPeriod;
     }
   }
