@@ -1,9 +1,14 @@
 #include "ros/services.h"
 
+#include <std_srvs/Trigger.h>
+#include <variator_sim/GetState.h>
+
 #include <boost/function.hpp>
 #include <cmath>
 #include <memory>
+#include <string>
 
+#include "ros/checked_lists.h"
 #include "ros/message_conversion.h"
 #include "ros/nanoseconds.h"
 #include "ros/stepping_loop.h"
@@ -24,71 +29,26 @@ LoopRequest makeRequest(RequestKind kind) {
   return request;
 }
 
-}  // namespace
-
-Services::Services(const Simulation& simulation, SteppingLoop& loop)
-    : scene_(simulation.scene()),
-      loop_(loop),
-      state_message_(makeState(scene_, !simulation.describeErrorEstimate().empty())) {}
-
-template <class Service, class Answer>
-void Services::add(ros::NodeHandle& handle, const char* name, Answer answer) {
-  const boost::function<bool(typename Service::Request&, typename Service::Response&)> callback =
-      [answer](typename Service::Request& request, typename Service::Response& response) {
-        answer(request, response);
-        return true;
-      };
-  servers_.push_back(handle.advertiseService(name, callback));
-}
-
-void Services::advertise(ros::NodeHandle& private_handle, ros::NodeHandle& pause_handle) {
-  const auto add_trigger = [this](ros::NodeHandle& handle, const char* name, RequestKind kind) {
-    add<std_srvs::Trigger>(handle, name, [this, kind](const auto&, auto& response) {
-      const LoopAnswer answer = loop_.submit(makeRequest(kind));
-      response.success = answer.result == RequestResult::kDone;
-      response.message = answer.describeFault();
-    });
-  };
-  add_trigger(pause_handle, "pause", RequestKind::kPause);
-  add_trigger(private_handle, "resume", RequestKind::kResume);
-  add_trigger(private_handle, "reset", RequestKind::kReset);
-  add_trigger(private_handle, "reset_time", RequestKind::kResetTime);
-  add<Step>(private_handle, "step", [this](const auto& message, auto& response) {
-    LoopRequest request = makeRequest(RequestKind::kStep);
-    response.message = read(message, request);
-    if (response.message.empty()) fill(loop_.submit(request), response);
-  });
-  add<GetState>(private_handle, "get_state", [this](const auto&, auto& response) {
-    const LoopRequest request = makeRequest(RequestKind::kGetState);
-    fill(loop_.submit(request), response);
-    if (response.success) response.text = toYaml(toTree(request.exchange->state, scene_));
-  });
-  add<SetState>(private_handle, "set_state", [this](const auto& message, auto& response) {
-    const LoopRequest request = makeRequest(RequestKind::kSetState);
-    response.message = read(message, *request.exchange);
-    if (response.message.empty()) fill(loop_.submit(request), response);
-  });
-}
-
-std::string Services::read(const Step::Request& message, LoopRequest& request) const {
+/// Return why a request is rejected, or "". They check all of it before any change.
+std::string read(const Step::Request& message, const Scene& scene, LoopRequest& request) {
   const std::string duration = "duration is " + formatReal(message.duration) + " s; ";
   if (!(message.duration > 0.0 && message.duration <= kLongestStep)) {
     return duration + "it must be above 0 and at most 1e6 s";
   }
   request.duration = std::llround(message.duration * kNanosecondsPerSecond);
   if (request.duration == 0) return duration + "simulated time is kept in whole nanoseconds";
-  return readCommands(scene_.inputs, message.command_topics, message.command_values, request.group);
+  return readCommands(scene.inputs, message.command_topics, message.command_values, request.group);
 }
 
-std::string Services::read(const SetState::Request& message, StateExchange& exchange) const {
+std::string read(const SetState::Request& message, const Scene& scene, StateExchange& exchange) {
   bool is_any_given = !message.text.empty();
   const auto take = [&](const char* name, const std::vector<double>& values,
                         std::vector<double>& to) -> std::string {
     if (values.empty()) return "";
     is_any_given = true;
-    if (values.size() != scene_.shafts.size()) {
+    if (values.size() != scene.shafts.size()) {
       return std::string(name) + " has " + std::to_string(values.size()) +
-             " values; allowed: none, or one per shaft: " + std::to_string(scene_.shafts.size());
+             " values; allowed: none, or one per shaft: " + std::to_string(scene.shafts.size());
     }
     for (const double value : values) {
       if (!std::isfinite(value)) return std::string(name) + ": every value must be finite";
@@ -113,8 +73,9 @@ std::string Services::read(const SetState::Request& message, StateExchange& exch
   return "";
 }
 
+/// Fills in success, message and state of an answer.
 template <class Response>
-void Services::fill(const LoopAnswer& answer, Response& response) {
+void fill(const LoopAnswer& answer, const DrivetrainState& blank, Response& response) {
   response.success = answer.result == RequestResult::kDone;
   response.message = answer.describeFault();
   const bool has_state = answer.result != RequestResult::kShutDown &&
@@ -122,9 +83,58 @@ void Services::fill(const LoopAnswer& answer, Response& response) {
                          answer.result != RequestResult::kTimeExhausted;
   if (!has_state) return;
   // The stamp is simulated time, so that the whole answer is the same on every run.
-  state_message_.header.stamp = toStamp(answer.sample.time);
-  fillState(answer.sample.sample, toSeconds(answer.sample.time), state_message_);
-  response.state = state_message_;
+  response.state = blank;
+  response.state.header.stamp = toStamp(answer.sample.time);
+  fillState(answer.sample.sample, toSeconds(answer.sample.time), response.state);
+}
+
+template <class Service, class Answer>
+ros::ServiceServer serve(ros::NodeHandle& handle, const char* name, Answer answer) {
+  const boost::function<bool(typename Service::Request&, typename Service::Response&)> callback =
+      [answer](typename Service::Request& request, typename Service::Response& response) {
+        answer(request, response);
+        return true;
+      };
+  return handle.advertiseService(name, callback);
+}
+
+}  // namespace
+
+std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, const DrivetrainState& blank,
+                                                  SteppingLoop& loop,
+                                                  ros::NodeHandle& private_handle,
+                                                  ros::NodeHandle& pause_handle) {
+  const auto serve_trigger = [&loop](ros::NodeHandle& handle, const char* name, RequestKind kind) {
+    return serve<std_srvs::Trigger>(handle, name, [&loop, kind](const auto&, auto& response) {
+      const LoopAnswer answer = loop.submit(makeRequest(kind));
+      response.success = answer.result == RequestResult::kDone;
+      response.message = answer.describeFault();
+    });
+  };
+  return {serve_trigger(pause_handle, "pause", RequestKind::kPause),
+          serve_trigger(private_handle, "resume", RequestKind::kResume),
+          serve_trigger(private_handle, "reset", RequestKind::kReset),
+          serve_trigger(private_handle, "reset_time", RequestKind::kResetTime),
+          serve<Step>(private_handle, "step",
+                      [&scene, &loop, blank](const auto& message, auto& response) {
+                        LoopRequest request = makeRequest(RequestKind::kStep);
+                        response.message = read(message, scene, request);
+                        if (response.message.empty()) fill(loop.submit(request), blank, response);
+                      }),
+          serve<GetState>(private_handle, "get_state",
+                          [&scene, &loop, blank](const auto&, auto& response) {
+                            const LoopRequest request = makeRequest(RequestKind::kGetState);
+                            fill(loop.submit(request), blank, response);
+                            if (!response.success) return;
+                            response.text = toYaml(toTree(request.exchange->state, scene));
+                          }),
+          serve<SetState>(private_handle, "set_state",
+                          [&scene, &loop, blank](const auto& message, auto& response) {
+                            const LoopRequest request = makeRequest(RequestKind::kSetState);
+                            response.message = read(message, scene, *request.exchange);
+                            if (response.message.empty())
+                              fill(loop.submit(request), blank, response);
+                          })};
 }
 
 }  // namespace variator_sim

@@ -106,26 +106,24 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
                                    const std::function<void()>& preparation)
     : public_handle_(withQueue(public_handle, callback_queue_)),
       private_handle_(withQueue(private_handle, callback_queue_)),
-      inputs_(simulation.scene().inputs),
-      event_names_(simulation.scene().eventNames()),
+      scene_(simulation.scene()),
       scene_message_(toSceneInfo(simulation)),
       role_(roleFor(settings)),
       sharing_(sharing),
-      state_message_(makeState(simulation.scene(), !simulation.describeErrorEstimate().empty())),
+      state_message_(makeState(scene_, !simulation.describeErrorEstimate().empty())),
       quantity_messages_(makeAllQuantities(simulation)),
-      joint_message_(makeJointState(simulation.scene())),
-      services_(simulation, loop_),
+      joint_message_(makeJointState(scene_)),
       loop_(std::move(simulation), settings,
             role_ == ClockRole::kFollower ? static_cast<PacingClock&>(followed_clock_)
                                           : steady_clock_),
       quantities_(loop_.quantityCount()),
       diagnostics_(public_handle_, private_handle_, scene_message_.constraints),
       live_settings_(private_handle_, settings, role_ == ClockRole::kFollower, loop_) {
-  for (const CommandInputSettings& input : inputs_) checkTopic(input);
+  for (const CommandInputSettings& input : scene_.inputs) checkTopic(input);
   advertiseTopics();
   subscribeToCommands();
   ros::NodeHandle pause_handle = withQueue(private_handle_, pause_queue_);
-  services_.advertise(private_handle_, pause_handle);
+  services_ = advertiseServices(scene_, state_message_, loop_, private_handle_, pause_handle);
   setUpClock();
   if (role_ == ClockRole::kFollower && settings.real_time_factor != 1.0) {
     ROS_WARN(
@@ -170,15 +168,15 @@ void SimulationServer::advertiseTopics() {
 }
 
 void SimulationServer::subscribeToCommands() {
-  for (std::size_t i = 0; i < inputs_.size(); ++i) {
-    if (inputs_[i].kind != InputKind::kCommanded) continue;
+  for (std::size_t i = 0; i < scene_.inputs.size(); ++i) {
+    if (scene_.inputs[i].kind != InputKind::kCommanded) continue;
     const int input = static_cast<int>(i);
     const boost::function<void(const std_msgs::Float64ConstPtr&)> receive =
         [this, input](const std_msgs::Float64ConstPtr& message) {
           loop_.command({input, message->data});
         };
     command_subscribers_.push_back(private_handle_.subscribe<std_msgs::Float64>(
-        inputs_[i].topic, kCommandQueue, receive, ros::VoidConstPtr(),
+        scene_.inputs[i].topic, kCommandQueue, receive, ros::VoidConstPtr(),
         ros::TransportHints().tcpNoDelay()));
   }
   const boost::function<void(const CommandsConstPtr&)> receive_group =
@@ -190,7 +188,7 @@ void SimulationServer::subscribeToCommands() {
 
 void SimulationServer::receiveCommands(const Commands& message) {
   CommandGroup group;
-  const std::string fault = readCommands(inputs_, message.topics, message.values, group);
+  const std::string fault = readCommands(scene_.inputs, message.topics, message.values, group);
   if (fault.empty()) {
     loop_.commandTogether(group.commands.data(), group.count);
     return;
@@ -383,7 +381,7 @@ void SimulationServer::publishAt(const ros::Time& stamp, const ros::Publisher& p
 void SimulationServer::publishEvents() {
   TimedEvent timed;
   while (loop_.popEvent(timed)) {
-    Event message = toMessage(timed, event_names_);
+    Event message = toMessage(timed, scene_.eventNames());
     message.header.stamp = stampOf(timed.time, timed.clock_time);
     publish(event_publisher_, message);
   }
@@ -487,7 +485,8 @@ void SimulationServer::logOddCommands() {
     const auto input = static_cast<std::size_t>(command.input);
     const std::string topic = command_subscribers_[input].getTopic();
     if (std::isfinite(command.value)) {
-      ROS_WARN("%s: %s", topic.c_str(), describeClamped(inputs_[input], command.value).c_str());
+      ROS_WARN("%s: %s", topic.c_str(),
+               describeClamped(scene_.inputs[input], command.value).c_str());
     } else if (refused_log_.passes(steady_clock_.now())) {
       ROS_WARN("Refused %g on %s: commands must be finite.", command.value, topic.c_str());
     }

@@ -113,8 +113,7 @@ class SimulationServer {
   ros::NodeHandle private_handle_;
 
   // Constant after construction.
-  std::vector<CommandInputSettings> inputs_;
-  std::vector<std::string> event_names_;
+  const Scene scene_;
   SceneInfo scene_message_;
   ClockRole role_;
   Sharing sharing_;
@@ -146,7 +145,6 @@ class SimulationServer {
 
   SteadyClock steady_clock_;
   FollowedClock followed_clock_;
-  Services services_;
   SteppingLoop loop_;
   std::vector<double> quantities_;            ///< of the sample being published
   std::atomic<bool> clock_requested_{false};  ///< /clock has a new subscriber
@@ -165,6 +163,7 @@ class SimulationServer {
 
   std::vector<ros::Subscriber> command_subscribers_;
   ros::Subscriber group_subscriber_;
+  std::vector<ros::ServiceServer> services_;
   ros::Subscriber clock_subscriber_;
   LiveSettings live_settings_;
 
