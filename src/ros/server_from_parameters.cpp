@@ -131,8 +131,7 @@ std::string describeReady(const SceneInfo& scene, const std::string& machine_cod
 }  // namespace
 
 std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle& public_handle,
-                                                           const ros::NodeHandle& private_handle,
-                                                           Sharing sharing) {
+                                                           const ros::NodeHandle& private_handle) {
   const std::string& name_space = private_handle.getNamespace();
   try {
     EarlyStatus early_status(private_handle);
@@ -167,8 +166,8 @@ std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle
       };
     }
     early_status.stop();
-    auto server = std::make_shared<SimulationServer>(
-        public_handle, private_handle, std::move(simulation), settings, sharing, preparation);
+    auto server = std::make_shared<SimulationServer>(public_handle, private_handle,
+                                                     std::move(simulation), settings, preparation);
     if (is_ready) tell_ready(false, machine_code);
     return server;
   } catch (const SceneError& error) {

@@ -98,18 +98,33 @@ ros::NodeHandle withQueue(ros::NodeHandle handle, ros::CallbackQueue& queue) {
   return handle;
 }
 
+/// Publishes what subscribers in the same process share.
+template <class Message>
+void publish(const ros::Publisher& publisher, const Message& message) {
+  publisher.publish(boost::make_shared<const Message>(message));
+}
+
+/// Stamps, fills in and publishes the message if there are subscribers.
+template <class Message, class Fill>
+void publishAt(const ros::Time& stamp, const ros::Publisher& publisher, Message& message,
+               const Fill& fill) {
+  if (publisher.getNumSubscribers() == 0) return;
+  message.header.stamp = stamp;
+  fill(message);
+  publish(publisher, message);
+}
+
 }  // namespace
 
 SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
                                    const ros::NodeHandle& private_handle, Simulation simulation,
-                                   const NodeSettings& settings, Sharing sharing,
+                                   const NodeSettings& settings,
                                    const std::function<void()>& preparation)
     : public_handle_(withQueue(public_handle, callback_queue_)),
       private_handle_(withQueue(private_handle, callback_queue_)),
       scene_(simulation.scene()),
       scene_message_(toSceneInfo(simulation)),
       role_(roleFor(settings)),
-      sharing_(sharing),
       state_message_(makeState(scene_, !simulation.describeErrorEstimate().empty())),
       quantity_messages_(makeAllQuantities(simulation)),
       joint_message_(makeJointState(scene_)),
@@ -358,24 +373,6 @@ ros::Time SimulationServer::stampOf(std::int64_t time, std::int64_t clock_time) 
   const ros::Duration age = ros::Duration().fromNSec(steady_clock_.now() - clock_time);
   const ros::Time now = ros::Time::now();
   return now.toSec() > age.toSec() ? now - age : now;
-}
-
-template <class Message>
-void SimulationServer::publish(const ros::Publisher& publisher, const Message& message) const {
-  if (sharing_ == Sharing::kMessages) {
-    publisher.publish(boost::make_shared<const Message>(message));
-  } else {
-    publisher.publish(message);
-  }
-}
-
-template <class Message, class Fill>
-void SimulationServer::publishAt(const ros::Time& stamp, const ros::Publisher& publisher,
-                                 Message& message, const Fill& fill) const {
-  if (publisher.getNumSubscribers() == 0) return;
-  message.header.stamp = stamp;
-  fill(message);
-  publish(publisher, message);
 }
 
 void SimulationServer::publishEvents() {

@@ -65,7 +65,7 @@ class SimulationServer {
   /// machine code in a thread of its own; null for none. Throws SceneError when the topic of a
   /// command cannot be subscribed to.
   SimulationServer(const ros::NodeHandle& public_handle, const ros::NodeHandle& private_handle,
-                   Simulation simulation, const NodeSettings& settings, Sharing sharing,
+                   Simulation simulation, const NodeSettings& settings,
                    const std::function<void()>& preparation);
   /// Ends the threads; a pending request fails.
   ~SimulationServer();
@@ -100,13 +100,6 @@ class SimulationServer {
   void logOddCommands();
   void logReactionEnergy();
 
-  template <class Message>
-  void publish(const ros::Publisher& publisher, const Message& message) const;
-  /// Stamps, fills in and publishes the message if there are subscribers.
-  template <class Message, class Fill>
-  void publishAt(const ros::Time& stamp, const ros::Publisher& publisher, Message& message,
-                 const Fill& fill) const;
-
   ros::CallbackQueue callback_queue_;
   ros::CallbackQueue pause_queue_;
   ros::NodeHandle public_handle_;
@@ -116,7 +109,6 @@ class SimulationServer {
   const Scene scene_;
   SceneInfo scene_message_;
   ClockRole role_;
-  Sharing sharing_;
 
   // Poll thread.
   DrivetrainState state_message_;

@@ -17,8 +17,7 @@ class VariatorNodelet : public nodelet::Nodelet {
   /// Throws, after it has logged why, when the scene is bad: then the manager rejects the nodelet.
   void onInit() override {
     try {
-      server_ =
-          makeServerFromParameters(getNodeHandle(), getPrivateNodeHandle(), Sharing::kMessages);
+      server_ = makeServerFromParameters(getNodeHandle(), getPrivateNodeHandle());
     } catch (const std::exception& error) {
       NODELET_FATAL("%s", error.what());
       throw;

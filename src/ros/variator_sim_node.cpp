@@ -65,8 +65,7 @@ std::shared_ptr<variator_sim::SimulationServer> makeServer(const ros::NodeHandle
                                                            const ros::NodeHandle& private_handle) {
   auto server = std::async(std::launch::async, [&] {
     const variator_sim::Interruption interruption(isEnding);
-    return variator_sim::makeServerFromParameters(public_handle, private_handle,
-                                                  variator_sim::Sharing::kNothing);
+    return variator_sim::makeServerFromParameters(public_handle, private_handle);
   });
   while (server.wait_for(std::chrono::milliseconds(20)) != std::future_status::ready) {
     if (!isEnding()) continue;
