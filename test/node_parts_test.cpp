@@ -205,11 +205,11 @@ TEST(PluginLoader, BuiltInTypesAreExportedUnderTheirNames) {
 }
 
 TEST(PluginLoader, UnknownTypesAreRefused) {
-  PluginlibComponentFactory factory;
-  EXPECT_EQ(factory.createConstraint("variator_sim/ExpresionConstraint"), nullptr);
-  EXPECT_EQ(factory.createTorque("no_such_package/Torque"), nullptr);
-  EXPECT_NE(factory.createConstraint("variator_sim/ExpressionConstraint"), nullptr);
-  EXPECT_EQ(factory.constraintTypes().size(), BuiltinComponentFactory().constraintTypes().size());
+  const auto factory = makePluginFactory();
+  EXPECT_EQ(factory->createConstraint("variator_sim/ExpresionConstraint"), nullptr);
+  EXPECT_EQ(factory->createTorque("no_such_package/Torque"), nullptr);
+  EXPECT_NE(factory->createConstraint("variator_sim/ExpressionConstraint"), nullptr);
+  EXPECT_EQ(factory->constraintTypes().size(), BuiltinComponentFactory().constraintTypes().size());
 }
 
 // --- messages ------------------------------------------------------------------------------------

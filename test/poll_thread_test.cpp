@@ -26,7 +26,7 @@ class PollThread : public testing::Test {
   static void waitForTurn() {
     EventDescriptor event;
     std::promise<void> turned;
-    const PollThreadTask turn(event, [&] { turned.set_value(); });
+    const auto turn = runOnPollThread(event, [&] { turned.set_value(); });
     event.post();
     ASSERT_EQ(turned.get_future().wait_for(kPatience), std::future_status::ready);
   }
@@ -36,7 +36,7 @@ class PollThread : public testing::Test {
 
 TEST_F(PollThread, RunsAfterAPost) {
   std::promise<std::thread::id> ran;
-  const PollThreadTask task(event_, [&] { ran.set_value(std::this_thread::get_id()); });
+  const auto task = runOnPollThread(event_, [&] { ran.set_value(std::this_thread::get_id()); });
   event_.post();
   std::future<std::thread::id> result = ran.get_future();
   ASSERT_EQ(result.wait_for(kPatience), std::future_status::ready);
@@ -46,7 +46,7 @@ TEST_F(PollThread, RunsAfterAPost) {
 TEST_F(PollThread, SeesAPostFromBeforeItWasMade) {
   event_.post();
   std::promise<void> ran;
-  const PollThreadTask task(event_, [&] { ran.set_value(); });
+  const auto task = runOnPollThread(event_, [&] { ran.set_value(); });
   EXPECT_EQ(ran.get_future().wait_for(kPatience), std::future_status::ready);
 }
 
@@ -54,7 +54,7 @@ TEST_F(PollThread, RunsOnceForPostsThatComeTogether) {
   std::atomic<int> count{0};
   event_.post();
   event_.post();
-  const PollThreadTask task(event_, [&] { ++count; });
+  const auto task = runOnPollThread(event_, [&] { ++count; });
   for (int turn = 0; turn < 3; ++turn) waitForTurn();
   EXPECT_EQ(count, 1);
 }
@@ -63,7 +63,7 @@ TEST_F(PollThread, RunsOnceForPostsThatComeTogether) {
 TEST_F(PollThread, RunsAgainForAPostDuringARun) {
   std::atomic<int> count{0};
   std::promise<void> second;
-  const PollThreadTask task(event_, [&] {
+  const auto task = runOnPollThread(event_, [&] {
     if (++count == 1) event_.post();
     if (count == 2) second.set_value();
   });
@@ -73,7 +73,7 @@ TEST_F(PollThread, RunsAgainForAPostDuringARun) {
 
 TEST_F(PollThread, RunsNoMoreAfterItsEnd) {
   std::atomic<int> count{0};
-  auto task = std::make_unique<PollThreadTask>(event_, [&] { ++count; });
+  auto task = runOnPollThread(event_, [&] { ++count; });
   task.reset();
   event_.post();
   for (int turn = 0; turn < 3; ++turn) waitForTurn();
@@ -84,7 +84,7 @@ TEST_F(PollThread, EndsAfterACallUnderWay) {
   std::promise<void> started;
   std::promise<void> released;
   std::atomic<bool> finished{false};
-  auto task = std::make_unique<PollThreadTask>(event_, [&] {
+  auto task = runOnPollThread(event_, [&] {
     started.set_value();
     released.get_future().wait();
     // Time for a destructor that does not wait to be caught.
@@ -99,11 +99,11 @@ TEST_F(PollThread, EndsAfterACallUnderWay) {
 }
 
 TEST_F(PollThread, RefusesADescriptorTwice) {
-  const PollThreadTask task(event_, [] {});
-  EXPECT_THROW(PollThreadTask(event_, [] {}), std::logic_error);
+  const auto task = runOnPollThread(event_, [] {});
+  EXPECT_THROW(runOnPollThread(event_, [] {}), std::logic_error);
   std::promise<void> ran;
   EventDescriptor other;
-  const PollThreadTask another(other, [&] { ran.set_value(); });
+  const auto another = runOnPollThread(other, [&] { ran.set_value(); });
   other.post();
   EXPECT_EQ(ran.get_future().wait_for(kPatience), std::future_status::ready);
 }

@@ -68,8 +68,8 @@ void bindSweep(py::module& module) {
                        const std::string& columns, bool compiles) {
         return std::shared_ptr<Sweep>(new Sweep{
             withOverrides(readSceneArgument(scene), readOverrides(overrides)), std::move(paths),
-            makeRequest(duration, rate, times, commands, columns, false),
-            std::make_shared<PluginlibComponentFactory>(), CodeOfRows(compiles)});
+            makeRequest(duration, rate, times, commands, columns, false), makePluginFactory(),
+            CodeOfRows(compiles)});
       }))
       .def("cancel", [](Sweep& self) { self.is_cancelled = true; });
   py::class_<RowRunner>(module, "_RowRunner")

@@ -3,7 +3,9 @@
 #include <mutex>
 #include <pluginlib/class_loader.hpp>
 #include <stdexcept>
+#include <string>
 #include <utility>
+#include <vector>
 
 namespace variator_sim {
 namespace {
@@ -67,40 +69,42 @@ class LazyLoader {
   std::shared_ptr<pluginlib::ClassLoader<Base>> loader_;
 };
 
-}  // namespace
-
-struct PluginlibComponentFactory::Loaders {
+struct Loaders {
   LazyLoader<Constraint> constraints{"variator_sim::Constraint"};
   LazyLoader<Torque> torques{"variator_sim::Torque"};
 };
 
-PluginlibComponentFactory::PluginlibComponentFactory() : loaders_(std::make_shared<Loaders>()) {}
-PluginlibComponentFactory::~PluginlibComponentFactory() = default;
+class PluginFactory : public ComponentFactory {
+ public:
+  ConstraintPtr createConstraint(const std::string& type) override {
+    if (ConstraintPtr constraint = builtin_.createConstraint(type)) return constraint;
+    return loaders_->constraints.create(type);
+  }
+  TorquePtr createTorque(const std::string& type) override {
+    if (TorquePtr torque = builtin_.createTorque(type)) return torque;
+    return loaders_->torques.create(type);
+  }
+  std::vector<std::string> constraintTypes() override {
+    std::vector<std::string> types = builtin_.constraintTypes();
+    loaders_->constraints.appendTypes(types);
+    return types;
+  }
+  std::vector<std::string> torqueTypes() override {
+    std::vector<std::string> types = builtin_.torqueTypes();
+    loaders_->torques.appendTypes(types);
+    return types;
+  }
+  std::shared_ptr<const void> libraries() override { return loaders_; }
 
-ConstraintPtr PluginlibComponentFactory::createConstraint(const std::string& type) {
-  if (ConstraintPtr constraint = builtin_.createConstraint(type)) return constraint;
-  return loaders_->constraints.create(type);
-}
+ private:
+  BuiltinComponentFactory builtin_;
+  const std::shared_ptr<Loaders> loaders_ = std::make_shared<Loaders>();
+};
 
-TorquePtr PluginlibComponentFactory::createTorque(const std::string& type) {
-  if (TorquePtr torque = builtin_.createTorque(type)) return torque;
-  return loaders_->torques.create(type);
-}
+}  // namespace
 
-std::vector<std::string> PluginlibComponentFactory::constraintTypes() {
-  std::vector<std::string> types = builtin_.constraintTypes();
-  loaders_->constraints.appendTypes(types);
-  return types;
-}
-
-std::shared_ptr<const void> PluginlibComponentFactory::libraries() {
-  return loaders_;
-}
-
-std::vector<std::string> PluginlibComponentFactory::torqueTypes() {
-  std::vector<std::string> types = builtin_.torqueTypes();
-  loaders_->torques.appendTypes(types);
-  return types;
+std::shared_ptr<ComponentFactory> makePluginFactory() {
+  return std::make_shared<PluginFactory>();
 }
 
 }  // namespace variator_sim

@@ -8,11 +8,12 @@
 #include <utility>
 
 namespace variator_sim {
+namespace {
 
 /// roscpp copies the callback before it runs it, so that it may run after the descriptor has been
 /// taken from the set: the copies share this object, which knows whether the function may still be
 /// called.
-class PollThreadTask::Guarded {
+class Guarded {
  public:
   Guarded(EventDescriptor& event, std::function<void()> function)
       : event_(event), function_(std::move(function)) {}
@@ -35,20 +36,20 @@ class PollThreadTask::Guarded {
   std::function<void()> function_;
 };
 
-PollThreadTask::PollThreadTask(EventDescriptor& event, std::function<void()> function)
-    : descriptor_(event.descriptor()),
-      guarded_(std::make_shared<Guarded>(event, std::move(function))) {
+}  // namespace
+
+std::shared_ptr<void> runOnPollThread(EventDescriptor& event, std::function<void()> function) {
+  const auto guarded = std::make_shared<Guarded>(event, std::move(function));
+  const int descriptor = event.descriptor();
   ros::PollSet& set = ros::PollManager::instance()->getPollSet();
-  const bool added =
-      set.addSocket(descriptor_, [guarded = guarded_](int /*events*/) { guarded->run(); });
-  if (!added || !set.addEvents(descriptor_, EPOLLIN)) {
+  const bool added = set.addSocket(descriptor, [guarded](int /*events*/) { guarded->run(); });
+  if (!added || !set.addEvents(descriptor, EPOLLIN)) {
     throw std::logic_error("roscpp polls this descriptor already");
   }
-}
-
-PollThreadTask::~PollThreadTask() {
-  ros::PollManager::instance()->getPollSet().delSocket(descriptor_);
-  guarded_->end();
+  return {guarded.get(), [guarded, descriptor](void*) {
+            ros::PollManager::instance()->getPollSet().delSocket(descriptor);
+            guarded->end();
+          }};
 }
 
 }  // namespace variator_sim

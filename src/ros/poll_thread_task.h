@@ -8,22 +8,11 @@
 
 namespace variator_sim {
 
-/// Runs a function on roscpp's poll thread after each post of an event. A message published there
-/// reaches the sockets before that thread sleeps again; a message from another thread has to wake
-/// it first. All connections of the process wait meanwhile, so the function must not block.
-class PollThreadTask {
- public:
-  /// `event` must outlive this object. Requires an existing ros::NodeHandle.
-  PollThreadTask(EventDescriptor& event, std::function<void()> function);
-  /// Waits for the end of a call under way.
-  ~PollThreadTask();
-  PollThreadTask(const PollThreadTask&) = delete;
-  PollThreadTask& operator=(const PollThreadTask&) = delete;
-
- private:
-  class Guarded;
-  int descriptor_;
-  std::shared_ptr<Guarded> guarded_;
-};
+/// Runs a function on roscpp's poll thread after each post of an event, while the result exists,
+/// whose end waits for that of a call under way. A message published there reaches the sockets
+/// before that thread sleeps again; a message from another thread has to wake it first. All
+/// connections of the process wait meanwhile, so the function must not block. `event` must outlive
+/// the result. Requires an existing ros::NodeHandle.
+std::shared_ptr<void> runOnPollThread(EventDescriptor& event, std::function<void()> function);
 
 }  // namespace variator_sim

@@ -12,7 +12,9 @@
 #include <utility>
 
 #include "model/thrown.h"
+#include "ros/live_settings.h"
 #include "ros/nanoseconds.h"
+#include "ros/poll_thread_task.h"
 #include "variator_sim/interruption.h"
 
 namespace variator_sim {
@@ -133,7 +135,8 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
                                           : steady_clock_),
       quantities_(loop_.quantityCount()),
       diagnostics_(public_handle_, private_handle_, scene_message_.constraints),
-      live_settings_(private_handle_, settings, role_ == ClockRole::kFollower, loop_) {
+      live_settings_(
+          serveSettings(private_handle_, settings, role_ == ClockRole::kFollower, loop_)) {
   for (const CommandInputSettings& input : scene_.inputs) checkTopic(input);
   advertiseTopics();
   subscribeToCommands();
@@ -283,7 +286,7 @@ void SimulationServer::startThreads(const NodeSettings& settings,
     }
   };
   status_thread_ = std::thread([this] { runStatus(); });
-  sample_task_.emplace(loop_.sampleNews(), [this] { publishSamples(); });
+  sample_task_ = runOnPollThread(loop_.sampleNews(), [this] { publishSamples(); });
   if (preparation) loop_.beginPreparation();
   stepping_thread_ = std::thread([this] { loop_.run(); });
   if (settings.realtime_priority > 0) {

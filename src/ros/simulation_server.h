@@ -9,17 +9,15 @@
 #include <array>
 #include <atomic>
 #include <functional>
-#include <optional>
+#include <memory>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "ros/checked_lists.h"
 #include "ros/diagnostics.h"
-#include "ros/live_settings.h"
 #include "ros/message_conversion.h"
 #include "ros/pacing_clock.h"
-#include "ros/poll_thread_task.h"
 #include "ros/server_from_parameters.h"
 #include "ros/services.h"
 #include "ros/stepping_loop.h"
@@ -157,14 +155,14 @@ class SimulationServer {
   ros::Subscriber group_subscriber_;
   std::vector<ros::ServiceServer> services_;
   ros::Subscriber clock_subscriber_;
-  LiveSettings live_settings_;
+  std::shared_ptr<void> live_settings_;
 
   std::thread preparation_thread_;
   std::thread callback_thread_;
   std::thread pause_thread_;
   std::thread stepping_thread_;
   std::thread status_thread_;
-  std::optional<PollThreadTask> sample_task_;
+  std::shared_ptr<void> sample_task_;
 };
 
 }  // namespace variator_sim
