@@ -804,7 +804,11 @@ LoopAnswer ask(SteppingLoop& loop, RequestKind kind, std::int64_t duration = 0) 
   LoopRequest request;
   request.kind = kind;
   request.duration = duration;
-  if (kind == RequestKind::kGetState) request.exchange = std::make_shared<StateExchange>();
+  request.visit = [](Simulation& simulation) {
+    MotionState state;
+    simulation.saveState(&state);
+    return std::string();
+  };
   return loop.submit(request);
 }
 

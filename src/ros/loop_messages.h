@@ -3,7 +3,7 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -96,21 +96,6 @@ struct StopMessage {
   std::array<char, 1024> text{};
 };
 
-/// A request, owned by its caller, and by the stepping thread while that serves it.
-struct StateExchange {
-  // To be set.
-  ParameterTree change = ParameterTree::dictionary();  ///< of readMotionState
-  std::vector<double> angle;  ///< as many as there are shafts, or none, as the next two
-  std::vector<double> velocity;
-  std::vector<double> acceleration;
-  bool project = false;
-  // Saved.
-  MotionState state;
-};
-
-/// Sets the requested state. Returns "", or why not: then the motion is unchanged. Allocates.
-std::string changeState(Simulation& simulation, const StateExchange& exchange);
-
 enum class RequestKind { kPause, kResume, kReset, kResetTime, kStep, kGetState, kSetState };
 enum class RequestResult {
   kDone,
@@ -124,9 +109,11 @@ enum class RequestResult {
 
 struct LoopRequest {
   RequestKind kind = RequestKind::kPause;
-  std::int64_t duration = 0;                ///< of kStep, ns > 0
-  CommandGroup group;                       ///< of kStep
-  std::shared_ptr<StateExchange> exchange;  ///< of kGetState and kSetState
+  std::int64_t duration = 0;  ///< of kStep, ns > 0
+  CommandGroup group;         ///< of kStep
+  /// Of kGetState and kSetState, for the stepping thread, which it may keep longer than the caller
+  /// waits. Returns "", or why not: then the motion is unchanged. May allocate.
+  std::function<std::string(Simulation&)> visit;
 };
 
 struct LoopAnswer {

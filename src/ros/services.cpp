@@ -3,10 +3,12 @@
 #include <std_srvs/Trigger.h>
 #include <variator_sim/GetState.h>
 
+#include <algorithm>
 #include <boost/function.hpp>
 #include <cmath>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "ros/checked_lists.h"
 #include "ros/message_conversion.h"
@@ -19,13 +21,12 @@ namespace variator_sim {
 namespace {
 
 constexpr double kLongestStep = 1e6;  // s
+/// Far from the ends of 64-bit nanoseconds.
+constexpr double kLatest = 1e9;  // s
 
 LoopRequest makeRequest(RequestKind kind) {
   LoopRequest request;
   request.kind = kind;
-  if (kind == RequestKind::kGetState || kind == RequestKind::kSetState) {
-    request.exchange = std::make_shared<StateExchange>();
-  }
   return request;
 }
 
@@ -40,11 +41,50 @@ std::string read(const Step::Request& message, const Scene& scene, LoopRequest& 
   return readCommands(scene.inputs, message.command_topics, message.command_values, request.group);
 }
 
-std::string read(const SetState::Request& message, const Scene& scene, StateExchange& exchange) {
+void checkTime(double time) {
+  if (!(time <= kLatest)) {
+    throw SceneError("time", formatNumber(time) + " s; allowed: from 0 to 1e9 s");
+  }
+  const double nearest = toSeconds(toCount(time * kNanosecondsPerSecond));
+  if (nearest == time) return;
+  throw SceneError("time",
+                   formatNumber(time) +
+                       " s; allowed: whole nanoseconds, as the node keeps time; the nearest "
+                       "is " +
+                       formatNumber(nearest) + " s");
+}
+
+/// Sets a state, `text` and the arrays of the message. Returns "", or why not.
+std::string setState(Simulation& simulation, const SetState::Request& message,
+                     const ParameterTree& text) {
+  MotionState present;
+  if (!simulation.saveState(&present)) return simulation.describeStatus();
+  try {
+    MotionState wanted = readMotionState(text, simulation.scene(), present);
+    const auto take = [&](const std::vector<double>& values, double* to) {
+      if (values.empty()) return false;
+      std::copy(values.begin(), values.end(), to);
+      wanted.history.exists = false;
+      return true;
+    };
+    take(message.angle, wanted.angle);
+    take(message.velocity, wanted.velocity);
+    if (take(message.acceleration, wanted.acceleration)) wanted.is_acceleration_given = true;
+    checkTime(wanted.time);
+    return simulation.setState(wanted, message.project != 0);
+  } catch (const SceneError& error) {
+    return error.what();
+  }
+}
+
+std::string read(const SetState::Request& message, const Scene& scene, LoopRequest& request) {
   bool is_any_given = !message.text.empty();
-  const auto take = [&](const char* name, const std::vector<double>& values,
-                        std::vector<double>& to) -> std::string {
-    if (values.empty()) return "";
+  const std::pair<const char*, const std::vector<double>&> arrays[] = {
+      {"angle", message.angle},
+      {"velocity", message.velocity},
+      {"acceleration", message.acceleration}};
+  for (const auto& [name, values] : arrays) {
+    if (values.empty()) continue;
     is_any_given = true;
     if (values.size() != scene.shafts.size()) {
       return std::string(name) + " has " + std::to_string(values.size()) +
@@ -53,23 +93,17 @@ std::string read(const SetState::Request& message, const Scene& scene, StateExch
     for (const double value : values) {
       if (!std::isfinite(value)) return std::string(name) + ": every value must be finite";
     }
-    to = values;
-    return "";
-  };
-  for (const std::string& fault :
-       {take("angle", message.angle, exchange.angle),
-        take("velocity", message.velocity, exchange.velocity),
-        take("acceleration", message.acceleration, exchange.acceleration)}) {
-    if (!fault.empty()) return fault;
   }
   if (!is_any_given) return "nothing is to be set: text, angle, velocity, acceleration are empty";
-  exchange.project = message.project;
-  if (message.text.empty()) return "";
+  ParameterTree text = ParameterTree::dictionary();
   try {
-    exchange.change = readYamlText(message.text, "text");
+    if (!message.text.empty()) text = readYamlText(message.text, "text");
   } catch (const SceneError& error) {
     return error.what();
   }
+  request.visit = [message, text](Simulation& simulation) {
+    return setState(simulation, message, text);
+  };
   return "";
 }
 
@@ -123,15 +157,19 @@ std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, const Driv
                       }),
           serve<GetState>(private_handle, "get_state",
                           [&scene, &loop, blank](const auto&, auto& response) {
-                            const LoopRequest request = makeRequest(RequestKind::kGetState);
+                            LoopRequest request = makeRequest(RequestKind::kGetState);
+                            const auto state = std::make_shared<MotionState>();
+                            request.visit = [state](Simulation& simulation) {
+                              simulation.saveState(state.get());
+                              return std::string();
+                            };
                             fill(loop.submit(request), blank, response);
-                            if (!response.success) return;
-                            response.text = toYaml(toTree(request.exchange->state, scene));
+                            if (response.success) response.text = toYaml(toTree(*state, scene));
                           }),
           serve<SetState>(private_handle, "set_state",
                           [&scene, &loop, blank](const auto& message, auto& response) {
-                            const LoopRequest request = makeRequest(RequestKind::kSetState);
-                            response.message = read(message, scene, *request.exchange);
+                            LoopRequest request = makeRequest(RequestKind::kSetState);
+                            response.message = read(message, scene, request);
                             if (response.message.empty())
                               fill(loop.submit(request), blank, response);
                           })};
