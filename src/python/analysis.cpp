@@ -94,16 +94,8 @@ TrimOptions readTrimOptions(const py::object& fix, const py::object& free, bool 
   return options;
 }
 
-SteadyStates findSteadyStates(const Scene& scene, const TrimOptions& options) {
-  SteadyStates states{trim(scene, options), {}};
-  for (const TrimState& found : states.found.states) {
-    states.stabilities.push_back(describeStability(scene, found.point));
-  }
-  return states;
-}
-
-py::list toList(const SteadyStates& states, const Scene& scene) {
-  const TrimResult& result = states.found;
+py::list toList(const TrimResult& result, const std::vector<std::string>& stabilities,
+                const Scene& scene) {
   if (result.states.empty()) {
     raise(errorClass("NoSteadyState")(result.message));
   }
@@ -112,8 +104,7 @@ py::list toList(const SteadyStates& states, const Scene& scene) {
   for (std::size_t i = 0; i < result.states.size(); ++i) {
     const TrimState& found = result.states[i];
     const ParameterTree tree = variator_sim::toTree(makeState(found.point, scene), scene);
-    list.append(
-        SteadyState{toObject(tree), found.residual, found.undetermined, states.stabilities[i]});
+    list.append(SteadyState{toObject(tree), found.residual, found.undetermined, stabilities[i]});
   }
   return list;
 }

@@ -21,14 +21,10 @@ MotionState readState(const py::dict& values, Simulation& simulation);
 /// Reads `fix`, a dict of numbers, and `free`, the same or names; None: empty. Throws SceneError.
 TrimOptions readTrimOptions(const py::object& fix, const py::object& free, bool accelerating);
 
-struct SteadyStates {
-  TrimResult found;
-  std::vector<std::string> stabilities;  ///< one per state
-};
-/// Does not depend on Python. Throws SceneError.
-SteadyStates findSteadyStates(const Scene& scene, const TrimOptions& options);
 /// Returns a list of SteadyState; raises NoSteadyState if it is empty, warns of infinitely many.
-py::list toList(const SteadyStates& states, const Scene& scene);
+/// `stabilities`: one per state.
+py::list toList(const TrimResult& result, const std::vector<std::string>& stabilities,
+                const Scene& scene);
 
 /// Throws std::invalid_argument unless all are finite and the last dimension is the shaft count.
 void checkAccelerations(const DenseArray& accelerations, const std::vector<std::string>& shafts);

@@ -14,6 +14,7 @@
 #include "python/sweep.h"
 #include "python/trees.h"
 #include "ros/plugin_loader.h"
+#include "tools/analysis_text.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/motion_state.h"
@@ -294,9 +295,15 @@ class PythonSimulation {
   py::list trim(const py::object& fix, const py::object& free, bool accelerating) {
     const Scene& scene = get().scene();
     const TrimOptions options = readTrimOptions(fix, free, accelerating);
-    SteadyStates states;
-    move([&] { states = findSteadyStates(scene, options); });
-    return toList(states, scene);
+    TrimResult result;
+    std::vector<std::string> stabilities;
+    move([&] {
+      result = variator_sim::trim(scene, options);
+      for (const TrimState& it : result.states) {
+        stabilities.push_back(describeStability(scene, it.point));
+      }
+    });
+    return toList(result, stabilities, scene);
   }
 
   /// Returns rows, the number of commands outside, and None or what ended the run before: an error,
