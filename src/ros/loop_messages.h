@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <bitset>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -18,22 +19,11 @@ namespace variator_sim {
 
 class Simulation;
 
+/// Numbered as in SimulationStatus.msg.
 enum class RunState : std::uint8_t { kRunning, kPaused, kSleeping, kStopped };
 
-/// A set of groups of quantities.
-class QuantityGroups {
- public:
-  QuantityGroups() = default;
-  explicit QuantityGroups(unsigned bits) : bits_(bits) {}
-  unsigned bits() const { return bits_; }
-  bool has(QuantityGroup group) const { return (bits_ & bitOf(group)) != 0; }
-  void add(QuantityGroup group) { bits_ |= bitOf(group); }
-  bool isEmpty() const { return bits_ == 0; }
-
- private:
-  static unsigned bitOf(QuantityGroup group) { return 1U << static_cast<unsigned>(group); }
-  unsigned bits_ = 0;
-};
+/// A set of groups of quantities, by their values.
+using QuantityGroups = std::bitset<kQuantityGroups.size()>;
 
 /// A command on its way to an input of the scene.
 struct InputCommand {
@@ -42,17 +32,11 @@ struct InputCommand {
   double value = 0.0;
 };
 
-/// Commands for different inputs at one instant.
-struct CommandGroup {
-  int count = 0;
-  std::array<InputCommand, kMaxInputs> commands{};
-};
-
-/// Finds the inputs of all commands, by their topics, before any takes effect. Returns why they are
-/// rejected, or "".
+/// Finds the inputs of all commands of one instant, by their topics, before any takes effect.
+/// Returns why they are rejected, or "".
 std::string readCommands(const std::vector<CommandInputSettings>& inputs,
                          const std::vector<std::string>& topics, const std::vector<double>& values,
-                         CommandGroup& group);
+                         std::vector<InputCommand>& commands);
 
 /// A sample with its times.
 struct TimedSample {
@@ -76,11 +60,12 @@ struct LoopSnapshot {
   RunState state = RunState::kRunning;
   bool state_changed = false;  ///< to be published at once
   StopReason reason = StopReason::kNone;
-  bool is_preparing = false;       ///< machine code is being compiled, and time stands
-  bool waiting_for_clock = false;  ///< a followed clock has shown no time yet
-  std::int64_t time = 0;           ///< simulated ns, as in TimedSample
-  double real_time_factor = 0.0;   ///< measured
-  double wanted_factor = 0.0;      ///< 0: unpaced, or a clock is followed
+  std::array<char, 1024> stop_message{};  ///< why the motion stopped, a C string
+  bool is_preparing = false;              ///< machine code is being compiled, and time stands
+  bool waiting_for_clock = false;         ///< a followed clock has shown no time yet
+  std::int64_t time = 0;                  ///< simulated ns, as in TimedSample
+  double real_time_factor = 0.0;          ///< measured
+  double wanted_factor = 0.0;             ///< 0: unpaced, or a clock is followed
   Pacer::Counters pacing;
   Lateness lateness;
   Statistics statistics;
@@ -88,12 +73,6 @@ struct LoopSnapshot {
   std::uint64_t samples_dropped = 0;
   EnergyDoubt energy_doubt;
   std::array<double, kMaxConstraints> residual{};  ///< when last sampled: about ten times a second
-};
-
-/// Why the motion stopped, a C string. It is separate from the snapshots, of which lockstep makes
-/// thousands.
-struct StopMessage {
-  std::array<char, 1024> text{};
 };
 
 enum class RequestKind { kPause, kResume, kReset, kResetTime, kStep, kGetState, kSetState };
@@ -109,8 +88,8 @@ enum class RequestResult {
 
 struct LoopRequest {
   RequestKind kind = RequestKind::kPause;
-  std::int64_t duration = 0;  ///< of kStep, ns > 0
-  CommandGroup group;         ///< of kStep
+  std::int64_t duration = 0;           ///< of kStep, ns > 0
+  std::vector<InputCommand> commands;  ///< of kStep
   /// Of kGetState and kSetState, for the stepping thread, which it may keep longer than the caller
   /// waits. Returns "", or why not: then the motion is unchanged. May allocate.
   std::function<std::string(Simulation&)> visit;

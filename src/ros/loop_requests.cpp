@@ -25,12 +25,12 @@ std::string LoopAnswer::describeFault() const {
 
 std::string readCommands(const std::vector<CommandInputSettings>& inputs,
                          const std::vector<std::string>& topics, const std::vector<double>& values,
-                         CommandGroup& group) {
+                         std::vector<InputCommand>& commands) {
   if (topics.size() != values.size()) {
     return "there are " + std::to_string(topics.size()) + " command topics and " +
            std::to_string(values.size()) + " values";
   }
-  group.count = 0;
+  commands.clear();
   std::array<bool, kMaxInputs> seen{};
   for (std::size_t i = 0; i < topics.size(); ++i) {
     int input = 0;
@@ -46,7 +46,7 @@ std::string readCommands(const std::vector<CommandInputSettings>& inputs,
       return "the command for " + inQuotes(topics[i]) + " is " + formatReal(values[i]) +
              "; it must be finite";
     }
-    group.commands[static_cast<std::size_t>(group.count++)] = {input, values[i]};
+    commands.push_back({input, values[i]});
   }
   return "";
 }
@@ -149,9 +149,7 @@ void SteppingLoop::serveStep() {
     return;
   }
   applyCommands();
-  for (int i = 0; i < request_.group.count; ++i) {
-    applyCommand(request_.group.commands[static_cast<std::size_t>(i)]);
-  }
+  for (const InputCommand& command : request_.commands) applyCommand(command);
   const std::int64_t end = present_ + request_.duration;
   present_ = end;
   catchUp();

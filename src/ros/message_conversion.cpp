@@ -123,12 +123,6 @@ SceneInfo toSceneInfo(const Simulation& simulation) {
   return message;
 }
 
-std::uint8_t toMessage(RunState state) {
-  constexpr std::uint8_t kStates[] = {SimulationStatus::RUNNING, SimulationStatus::PAUSED,
-                                      SimulationStatus::SLEEPING, SimulationStatus::STOPPED};
-  return kStates[static_cast<std::size_t>(state)];
-}
-
 void fillStatistics(const Statistics& statistics, SimulationStatus& message) {
   message.steps = statistics.steps;
   message.rejected_steps = statistics.rejected_steps;

@@ -46,9 +46,6 @@ void fillJointState(const Sample& sample, sensor_msgs::JointState& message);
 
 SceneInfo toSceneInfo(const Simulation& simulation);
 
-/// Returns the constant of SimulationStatus.
-std::uint8_t toMessage(RunState state);
-
 /// Fills in the counters that the simulation itself keeps.
 void fillStatistics(const Statistics& statistics, SimulationStatus& message);
 

@@ -38,7 +38,8 @@ std::string read(const Step::Request& message, const Scene& scene, LoopRequest& 
   }
   request.duration = std::llround(message.duration * kNanosecondsPerSecond);
   if (request.duration == 0) return duration + "simulated time is kept in whole nanoseconds";
-  return readCommands(scene.inputs, message.command_topics, message.command_values, request.group);
+  return readCommands(scene.inputs, message.command_topics, message.command_values,
+                      request.commands);
 }
 
 void checkTime(double time) {

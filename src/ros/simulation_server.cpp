@@ -205,10 +205,10 @@ void SimulationServer::subscribeToCommands() {
 }
 
 void SimulationServer::receiveCommands(const Commands& message) {
-  CommandGroup group;
-  const std::string fault = readCommands(scene_.inputs, message.topics, message.values, group);
+  std::vector<InputCommand> commands;
+  const std::string fault = readCommands(scene_.inputs, message.topics, message.values, commands);
   if (fault.empty()) {
-    loop_.commandTogether(group.commands.data(), group.count);
+    loop_.commandTogether(commands.data(), commands.size());
     return;
   }
   loop_.command({InputCommand::kRefused, 0.0});
@@ -321,13 +321,12 @@ void SimulationServer::refreshDemand() {
   loop_.setEnergyWanted(energy_wanted);
   loop_.setEventsWanted(event_publisher_.getNumSubscribers() > 0);
   QuantityGroups groups_wanted;
-  for (const QuantityGroup group : kQuantityGroups) {
-    const ros::Publisher& publisher = quantity_publishers_[static_cast<std::size_t>(group)];
-    if (publisher.getNumSubscribers() > 0) groups_wanted.add(group);
+  for (std::size_t i = 0; i < groups_wanted.size(); ++i) {
+    groups_wanted[i] = quantity_publishers_[i].getNumSubscribers() > 0;
   }
   loop_.setQuantitiesWanted(groups_wanted);
   loop_.setSamplesWanted(
-      energy_wanted || !groups_wanted.isEmpty() || state_publisher_.getNumSubscribers() > 0 ||
+      energy_wanted || groups_wanted.any() || state_publisher_.getNumSubscribers() > 0 ||
       joint_publisher_.getNumSubscribers() > 0 || clock_publisher_.getNumSubscribers() > 0);
 }
 
@@ -342,14 +341,12 @@ void SimulationServer::runStatus() {
     bool state_changed = false;
     while (loop_.popSnapshot(snapshot)) {
       snapshot_ = snapshot;
-      while (loop_.popStopMessage(stop_message_)) {
-      }
       if (!snapshot.state_changed) continue;
       state_changed = true;
       publishStatus();
       if (snapshot.state == RunState::kStopped) {
         ROS_ERROR("%s: the motion has stopped; ~reset brings it back. %s",
-                  private_handle_.getNamespace().c_str(), stop_message_.text.data());
+                  private_handle_.getNamespace().c_str(), snapshot.stop_message.data());
       }
     }
     logReactionEnergy();
@@ -420,10 +417,10 @@ void SimulationServer::publishSamples() {
 
 void SimulationServer::publishQuantities(const TimedSample& timed, const ros::Time& stamp) {
   const double* values = quantities_.data();
-  for (const QuantityGroup group : kQuantityGroups) {
-    if (!timed.groups.has(group)) continue;
-    NamedValues& message = quantity_messages_[static_cast<std::size_t>(group)];
-    publishAt(stamp, quantity_publishers_[static_cast<std::size_t>(group)], message,
+  for (std::size_t i = 0; i < timed.groups.size(); ++i) {
+    if (!timed.groups[i]) continue;
+    NamedValues& message = quantity_messages_[i];
+    publishAt(stamp, quantity_publishers_[i], message,
               [&](auto& it) { fillQuantities(values, toSeconds(timed.time), it); });
     values += message.value.size();
   }
@@ -440,10 +437,10 @@ void SimulationServer::publishStatus() {
   if (status_publisher_.getNumSubscribers() == 0) return;
   SimulationStatus& message = status_message_;
   message.header.stamp = role_ == ClockRole::kOwner ? toStamp(snapshot_.time) : ros::Time::now();
-  message.state = toMessage(snapshot_.state);
+  message.state = static_cast<std::uint8_t>(snapshot_.state);
   message.stop_reason = toString(snapshot_.reason);
   message.message = snapshot_.is_preparing ? kPreparing : "";
-  if (snapshot_.state == RunState::kStopped) message.message = stop_message_.text.data();
+  if (snapshot_.state == RunState::kStopped) message.message = snapshot_.stop_message.data();
   message.time = toSeconds(snapshot_.time);
   message.real_time_factor = snapshot_.real_time_factor;
   message.ticks = snapshot_.pacing.ticks;

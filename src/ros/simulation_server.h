@@ -119,7 +119,6 @@ class SimulationServer {
   // Status thread.
   SimulationStatus status_message_;
   LoopSnapshot snapshot_;
-  StopMessage stop_message_;
   std::int64_t lost_time_ = 0;  ///< ns, as far as it was logged
   LogThrottle refused_log_;
   LogThrottle lost_time_log_;

@@ -41,13 +41,12 @@ SteppingLoop::SteppingLoop(Simulation simulation, const NodeSettings& settings, 
   samples_due_.setRate(settings.publish_rate, tick_rate_ * real_time_factor_);
 }
 
-void SteppingLoop::commandTogether(const InputCommand* commands, int count) {
+void SteppingLoop::commandTogether(const InputCommand* commands, std::size_t count) {
   // A queue shows what is pushed at once at once: no tick comes between.
-  const auto size = static_cast<std::size_t>(count);
-  if (commands_.write_available() >= size) {
-    commands_.push(commands, size);
+  if (commands_.write_available() >= count) {
+    commands_.push(commands, count);
   } else {
-    dropped_commands_.fetch_add(size, std::memory_order_relaxed);
+    dropped_commands_.fetch_add(count, std::memory_order_relaxed);
   }
   wakeIfIdle();
 }
@@ -341,10 +340,10 @@ TimedSample SteppingLoop::takeSample() {
   timed.has_energy = energy_wanted_.load(std::memory_order_relaxed);
   simulation_.trackEnergy(timed.has_energy);
   timed.sample = simulation_.sample();
-  timed.groups = QuantityGroups(groups_wanted_.load(std::memory_order_relaxed));
+  timed.groups = groups_wanted_.load(std::memory_order_relaxed);
   quantity_count_ = 0;
   for (const QuantityGroup group : kQuantityGroups) {
-    if (!timed.groups.has(group)) continue;
+    if (!timed.groups[static_cast<std::size_t>(group)]) continue;
     simulation_.calcQuantities(group, quantities_.data() + quantity_count_);
     quantity_count_ += simulation_.quantityNames(group).size();
   }
@@ -426,9 +425,8 @@ void SteppingLoop::pushSnapshot(bool state_changed) {
   if (snapshot.state == RunState::kStopped) {
     // The motion is over, so no tick is delayed if this allocates.
     const std::string text = describeStop();
-    StopMessage message;
-    std::copy_n(text.begin(), std::min(text.size(), message.text.size() - 1), message.text.begin());
-    stop_messages_.push(message);
+    std::copy_n(text.begin(), std::min(text.size(), snapshot.stop_message.size() - 1),
+                snapshot.stop_message.begin());
   }
   snapshots_.push(snapshot);
   if (state_changed) news_.post();

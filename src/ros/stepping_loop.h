@@ -63,7 +63,7 @@ class SteppingLoop {
   /// @{ Queues a command, wait-free. A full queue drops and counts it.
   void command(const InputCommand& command) { commandTogether(&command, 1); }
   /// Queues commands that take effect at one instant.
-  void commandTogether(const InputCommand* commands, int count);
+  void commandTogether(const InputCommand* commands, std::size_t count);
   /// @}
 
   /// @name For one thread that publishes samples
@@ -81,8 +81,6 @@ class SteppingLoop {
   /// @name For one thread that reports on the loop
   /// @{
   bool popSnapshot(LoopSnapshot& snapshot) { return snapshots_.pop(snapshot); }
-  /// Pops the message that precedes each snapshot of a stopped motion.
-  bool popStopMessage(StopMessage& message) { return stop_messages_.pop(message); }
   /// Pops a command that was rejected for being NaN or infinite, or the first one to its input that
   /// was clamped.
   bool popOddCommand(InputCommand& command) { return odd_commands_.pop(command); }
@@ -113,7 +111,7 @@ class SteppingLoop {
   void setEventsWanted(bool wanted) { events_wanted_.store(wanted, std::memory_order_relaxed); }
   /// Selects the groups of quantities in samples.
   void setQuantitiesWanted(QuantityGroups groups) {
-    groups_wanted_.store(groups.bits(), std::memory_order_relaxed);
+    groups_wanted_.store(groups, std::memory_order_relaxed);
   }
   /// Ends `run`; requests from then on, and one under way, are answered with kShutDown.
   void stop();
@@ -194,7 +192,6 @@ class SteppingLoop {
   SampleRing<TimedSample, 256> samples_;
   SampleRing<TimedEvent, 1024> events_;
   SampleRing<LoopSnapshot, 16> snapshots_;
-  SampleRing<StopMessage, 2> stop_messages_;
   LoopRequest request_;  ///< the submitter's until posted, the stepping thread's until answered
   LoopAnswer answer_;
   std::mutex submitting_;
@@ -208,7 +205,7 @@ class SteppingLoop {
   std::atomic<bool> samples_wanted_{false};
   std::atomic<bool> energy_wanted_{false};
   std::atomic<bool> events_wanted_{false};
-  std::atomic<unsigned> groups_wanted_{0};
+  std::atomic<QuantityGroups> groups_wanted_{QuantityGroups()};
   std::atomic<bool> settings_changed_{false};
   std::atomic<double> wanted_factor_;
   std::atomic<double> wanted_publish_rate_;

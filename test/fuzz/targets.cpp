@@ -139,12 +139,12 @@ void step(const std::string& input) {
   inputs[0].topic = "drive_torque";
   inputs[1].topic = "throttle";
   inputs[2].topic = "ratio";
-  CommandGroup group;
+  std::vector<InputCommand> commands;
   const std::string fault =
-      readCommands(inputs, request.command_topics, request.command_values, group);
+      readCommands(inputs, request.command_topics, request.command_values, commands);
   check(fault);
-  for (int i = 0; i < group.count && fault.empty(); ++i) {
-    if (!std::isfinite(group.commands[static_cast<std::size_t>(i)].value)) std::abort();
+  for (const InputCommand& command : commands) {
+    if (fault.empty() && !std::isfinite(command.value)) std::abort();
   }
 }
 
