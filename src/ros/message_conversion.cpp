@@ -1,20 +1,11 @@
 #include "ros/message_conversion.h"
 
-#include <algorithm>
 #include <limits>
 
 #include "variator_sim/io/yaml_text.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
-namespace {
-
-void copy(const double* from, std::vector<double>& to) {
-  std::copy(from, from + to.size(), to.begin());
-}
-
-}  // namespace
-
 ros::Time toStamp(std::int64_t nanoseconds) {
   constexpr std::int64_t kSecond = 1000000000;
   const std::int64_t seconds = nanoseconds / kSecond;
@@ -23,59 +14,56 @@ ros::Time toStamp(std::int64_t nanoseconds) {
                    static_cast<std::uint32_t>(nanoseconds % kSecond));
 }
 
-DrivetrainState makeState(const Scene& scene, bool has_errors) {
+DrivetrainState toState(const Sample& sample, double time, const Scene& scene, bool has_errors) {
   DrivetrainState message;
+  message.time = time;
+  const auto copy = [](const double* from, std::size_t count, std::vector<double>& to) {
+    to.assign(from, from + count);
+  };
   const std::size_t shafts = scene.shafts.size();
-  for (std::vector<double>* values :
-       {&message.angle, &message.velocity, &message.acceleration, &message.applied_torque,
-        &message.reaction_torque, &message.reaction_torque_rate,
-        &message.reaction_torque_covariant_rate}) {
-    values->assign(shafts, 0.0);
-  }
-  message.residual.assign(scene.constraints.size(), 0.0);
-  message.multiplier.assign(scene.constraints.size(), 0.0);
-  for (std::vector<double>* errors :
-       {&message.angle_error, &message.velocity_error, &message.acceleration_error}) {
-    errors->assign(has_errors ? shafts : 0, 0.0);
-  }
+  copy(sample.angle, shafts, message.angle);
+  copy(sample.velocity, shafts, message.velocity);
+  copy(sample.acceleration, shafts, message.acceleration);
+  copy(sample.applied_torque, shafts, message.applied_torque);
+  copy(sample.reaction_torque, shafts, message.reaction_torque);
+  copy(sample.reaction_torque_rate, shafts, message.reaction_torque_rate);
+  copy(sample.reaction_torque_covariant_rate, shafts, message.reaction_torque_covariant_rate);
+  copy(sample.residual, scene.constraints.size(), message.residual);
+  copy(sample.multiplier, scene.constraints.size(), message.multiplier);
+  const std::size_t errors = has_errors ? shafts : 0;
+  copy(sample.angle_error, errors, message.angle_error);
+  copy(sample.velocity_error, errors, message.velocity_error);
+  copy(sample.acceleration_error, errors, message.acceleration_error);
   return message;
 }
 
-void fillState(const Sample& sample, double time, DrivetrainState& message) {
-  message.time = time;
-  copy(sample.angle, message.angle);
-  copy(sample.velocity, message.velocity);
-  copy(sample.acceleration, message.acceleration);
-  copy(sample.applied_torque, message.applied_torque);
-  copy(sample.reaction_torque, message.reaction_torque);
-  copy(sample.reaction_torque_rate, message.reaction_torque_rate);
-  copy(sample.reaction_torque_covariant_rate, message.reaction_torque_covariant_rate);
-  copy(sample.residual, message.residual);
-  copy(sample.multiplier, message.multiplier);
-  copy(sample.angle_error, message.angle_error);
-  copy(sample.velocity_error, message.velocity_error);
-  copy(sample.acceleration_error, message.acceleration_error);
+sensor_msgs::JointState toJointState(const Sample& sample, const Scene& scene) {
+  sensor_msgs::JointState message;
+  message.name = scene.shafts;
+  const std::size_t shafts = scene.shafts.size();
+  message.position.assign(sample.angle, sample.angle + shafts);
+  message.velocity.assign(sample.velocity, sample.velocity + shafts);
+  message.effort.assign(sample.applied_torque, sample.applied_torque + shafts);
+  return message;
 }
 
-void fillEnergy(const Energy& energy, double time, DrivetrainEnergy& message) {
+DrivetrainEnergy toMessage(const Energy& energy, double time) {
+  DrivetrainEnergy message;
   message.time = time;
   message.kinetic = energy.kinetic;
   message.applied = energy.applied;
   message.reactions = energy.reactions;
   message.applied_power = energy.applied_power;
   message.reaction_power = energy.reaction_power;
-}
-
-NamedValues makeQuantities(const Simulation& simulation, QuantityGroup group) {
-  NamedValues message;
-  message.name = simulation.quantityNames(group);
-  message.value.assign(message.name.size(), 0.0);
   return message;
 }
 
-void fillQuantities(const double* values, double time, NamedValues& message) {
+NamedValues toMessage(const double* values, double time, const std::vector<std::string>& names) {
+  NamedValues message;
   message.time = time;
-  copy(values, message.value);
+  message.name = names;
+  message.value.assign(values, values + names.size());
+  return message;
 }
 
 Event toMessage(const TimedEvent& timed, const std::vector<std::string>& names) {
@@ -88,21 +76,6 @@ Event toMessage(const TimedEvent& timed, const std::vector<std::string>& names) 
   message.torque = event.torque;
   message.impulse = event.impulse;
   return message;
-}
-
-sensor_msgs::JointState makeJointState(const Scene& scene) {
-  sensor_msgs::JointState message;
-  message.name = scene.shafts;
-  message.position.assign(scene.shafts.size(), 0.0);
-  message.velocity.assign(scene.shafts.size(), 0.0);
-  message.effort.assign(scene.shafts.size(), 0.0);
-  return message;
-}
-
-void fillJointState(const Sample& sample, sensor_msgs::JointState& message) {
-  copy(sample.angle, message.position);
-  copy(sample.velocity, message.velocity);
-  copy(sample.applied_torque, message.effort);
 }
 
 SceneInfo toSceneInfo(const Simulation& simulation) {

@@ -110,17 +110,17 @@ std::string read(const SetState::Request& message, const Scene& scene, LoopReque
 
 /// Fills in success, message and state of an answer.
 template <class Response>
-void fill(const LoopAnswer& answer, const DrivetrainState& blank, Response& response) {
+void fill(const LoopAnswer& answer, const Scene& scene, bool has_errors, Response& response) {
   response.success = answer.result == RequestResult::kDone;
   response.message = answer.describeFault();
   const bool has_state = answer.result != RequestResult::kShutDown &&
                          answer.result != RequestResult::kNotPaused &&
                          answer.result != RequestResult::kTimeExhausted;
   if (!has_state) return;
+  const TimedSample& timed = answer.sample;
+  response.state = toState(timed.sample, toSeconds(timed.time), scene, has_errors);
   // The stamp is simulated time, so that the whole answer is the same on every run.
-  response.state = blank;
-  response.state.header.stamp = toStamp(answer.sample.time);
-  fillState(answer.sample.sample, toSeconds(answer.sample.time), response.state);
+  response.state.header.stamp = toStamp(timed.time);
 }
 
 template <class Service, class Answer>
@@ -135,7 +135,7 @@ ros::ServiceServer serve(ros::NodeHandle& handle, const char* name, Answer answe
 
 }  // namespace
 
-std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, const DrivetrainState& blank,
+std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, bool has_errors,
                                                   SteppingLoop& loop,
                                                   ros::NodeHandle& private_handle,
                                                   ros::NodeHandle& pause_handle) {
@@ -151,28 +151,29 @@ std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, const Driv
           serve_trigger(private_handle, "reset", RequestKind::kReset),
           serve_trigger(private_handle, "reset_time", RequestKind::kResetTime),
           serve<Step>(private_handle, "step",
-                      [&scene, &loop, blank](const auto& message, auto& response) {
+                      [&scene, &loop, has_errors](const auto& message, auto& response) {
                         LoopRequest request = makeRequest(RequestKind::kStep);
                         response.message = read(message, scene, request);
-                        if (response.message.empty()) fill(loop.submit(request), blank, response);
+                        if (response.message.empty())
+                          fill(loop.submit(request), scene, has_errors, response);
                       }),
           serve<GetState>(private_handle, "get_state",
-                          [&scene, &loop, blank](const auto&, auto& response) {
+                          [&scene, &loop, has_errors](const auto&, auto& response) {
                             LoopRequest request = makeRequest(RequestKind::kGetState);
                             const auto state = std::make_shared<MotionState>();
                             request.visit = [state](Simulation& simulation) {
                               simulation.saveState(state.get());
                               return std::string();
                             };
-                            fill(loop.submit(request), blank, response);
+                            fill(loop.submit(request), scene, has_errors, response);
                             if (response.success) response.text = toYaml(toTree(*state, scene));
                           }),
           serve<SetState>(private_handle, "set_state",
-                          [&scene, &loop, blank](const auto& message, auto& response) {
+                          [&scene, &loop, has_errors](const auto& message, auto& response) {
                             LoopRequest request = makeRequest(RequestKind::kSetState);
                             response.message = read(message, scene, request);
                             if (response.message.empty())
-                              fill(loop.submit(request), blank, response);
+                              fill(loop.submit(request), scene, has_errors, response);
                           })};
 }
 

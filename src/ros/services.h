@@ -2,7 +2,6 @@
 #pragma once
 
 #include <ros/ros.h>
-#include <variator_sim/DrivetrainState.h>
 
 #include <vector>
 
@@ -13,9 +12,9 @@ namespace variator_sim {
 class SteppingLoop;
 
 /// Serves ~pause by `pause_handle` and all else by `private_handle`, in the threads of their
-/// callbacks, while the result exists. `scene` and `loop` must outlive it; `blank`: a state of the
-/// scene (makeState).
-std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, const DrivetrainState& blank,
+/// callbacks, while the result exists. `scene` and `loop` must outlive it; `has_errors` as of
+/// toState.
+std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, bool has_errors,
                                                   SteppingLoop& loop,
                                                   ros::NodeHandle& private_handle,
                                                   ros::NodeHandle& pause_handle);

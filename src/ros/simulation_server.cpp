@@ -68,13 +68,12 @@ ClockRole roleFor(const NodeSettings& settings) {
   return ros::Time::isSystemTime() ? ClockRole::kWall : ClockRole::kFollower;
 }
 
-std::vector<NamedValues> makeAllQuantities(const Simulation& simulation) {
-  std::vector<NamedValues> messages;
-  messages.reserve(std::size(kQuantityGroups));
+std::vector<std::vector<std::string>> listQuantities(const Simulation& simulation) {
+  std::vector<std::vector<std::string>> names;
   for (const QuantityGroup group : kQuantityGroups) {
-    messages.push_back(makeQuantities(simulation, group));
+    names.push_back(simulation.quantityNames(group));
   }
-  return messages;
+  return names;
 }
 
 /// Returns the other nodes that publish /clock, by the master.
@@ -100,20 +99,11 @@ ros::NodeHandle withQueue(ros::NodeHandle handle, ros::CallbackQueue& queue) {
   return handle;
 }
 
-/// Publishes what subscribers in the same process share.
+/// Publishes a message that subscribers in the same process share.
 template <class Message>
-void publish(const ros::Publisher& publisher, const Message& message) {
-  publisher.publish(boost::make_shared<const Message>(message));
-}
-
-/// Stamps, fills in and publishes the message if there are subscribers.
-template <class Message, class Fill>
-void publishAt(const ros::Time& stamp, const ros::Publisher& publisher, Message& message,
-               const Fill& fill) {
-  if (publisher.getNumSubscribers() == 0) return;
+void publish(const ros::Publisher& publisher, const ros::Time& stamp, Message message) {
   message.header.stamp = stamp;
-  fill(message);
-  publish(publisher, message);
+  publisher.publish(boost::make_shared<const Message>(std::move(message)));
 }
 
 }  // namespace
@@ -125,11 +115,10 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
     : public_handle_(withQueue(public_handle, callback_queue_)),
       private_handle_(withQueue(private_handle, callback_queue_)),
       scene_(simulation.scene()),
+      has_errors_(!simulation.describeErrorEstimate().empty()),
+      quantity_names_(listQuantities(simulation)),
       scene_message_(toSceneInfo(simulation)),
       role_(roleFor(settings)),
-      state_message_(makeState(scene_, !simulation.describeErrorEstimate().empty())),
-      quantity_messages_(makeAllQuantities(simulation)),
-      joint_message_(makeJointState(scene_)),
       loop_(std::move(simulation), settings,
             role_ == ClockRole::kFollower ? static_cast<PacingClock&>(followed_clock_)
                                           : steady_clock_),
@@ -141,7 +130,7 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
   advertiseTopics();
   subscribeToCommands();
   ros::NodeHandle pause_handle = withQueue(private_handle_, pause_queue_);
-  services_ = advertiseServices(scene_, state_message_, loop_, private_handle_, pause_handle);
+  services_ = advertiseServices(scene_, has_errors_, loop_, private_handle_, pause_handle);
   setUpClock();
   if (role_ == ClockRole::kFollower && settings.real_time_factor != 1.0) {
     ROS_WARN(
@@ -378,9 +367,8 @@ ros::Time SimulationServer::stampOf(std::int64_t time, std::int64_t clock_time) 
 void SimulationServer::publishEvents() {
   TimedEvent timed;
   while (loop_.popEvent(timed)) {
-    Event message = toMessage(timed, scene_.eventNames());
-    message.header.stamp = stampOf(timed.time, timed.clock_time);
-    publish(event_publisher_, message);
+    publish(event_publisher_, stampOf(timed.time, timed.clock_time),
+            toMessage(timed, scene_.eventNames()));
   }
   const std::uint64_t lost = loop_.droppedEvents();
   if (lost == 0 || lost_events_told_) return;
@@ -392,6 +380,7 @@ void SimulationServer::publishEvents() {
 }
 
 void SimulationServer::publishSamples() {
+  const auto is_read = [](const ros::Publisher& it) { return it.getNumSubscribers() > 0; };
   TimedSample timed;
   while (loop_.popSample(timed, quantities_.data())) {
     if (role_ == ClockRole::kOwner) {
@@ -399,31 +388,27 @@ void SimulationServer::publishSamples() {
       published_time_ = timed.time;
       publishClock();
     }
+    const Sample& sample = timed.sample;
     const ros::Time stamp = stampOf(timed.time, timed.clock_time);
     const double time = toSeconds(timed.time);
-    publishAt(stamp, state_publisher_, state_message_,
-              [&](auto& message) { fillState(timed.sample, time, message); });
-    publishQuantities(timed, stamp);
-    if (timed.has_energy) {
-      publishAt(stamp, energy_publisher_, energy_message_,
-                [&](auto& message) { fillEnergy(timed.sample.energy, time, message); });
+    if (is_read(state_publisher_)) {
+      publish(state_publisher_, stamp, toState(sample, time, scene_, has_errors_));
     }
-    publishAt(stamp, joint_publisher_, joint_message_,
-              [&](auto& message) { fillJointState(timed.sample, message); });
+    const double* values = quantities_.data();
+    for (std::size_t i = 0; i < timed.groups.size(); ++i) {
+      if (!timed.groups[i]) continue;
+      const ros::Publisher& publisher = quantity_publishers_[i];
+      if (is_read(publisher))
+        publish(publisher, stamp, toMessage(values, time, quantity_names_[i]));
+      values += quantity_names_[i].size();
+    }
+    if (timed.has_energy && is_read(energy_publisher_)) {
+      publish(energy_publisher_, stamp, toMessage(sample.energy, time));
+    }
+    if (is_read(joint_publisher_)) publish(joint_publisher_, stamp, toJointState(sample, scene_));
   }
   publishEvents();
   if (clock_requested_.exchange(false)) publishClock();
-}
-
-void SimulationServer::publishQuantities(const TimedSample& timed, const ros::Time& stamp) {
-  const double* values = quantities_.data();
-  for (std::size_t i = 0; i < timed.groups.size(); ++i) {
-    if (!timed.groups[i]) continue;
-    NamedValues& message = quantity_messages_[i];
-    publishAt(stamp, quantity_publishers_[i], message,
-              [&](auto& it) { fillQuantities(values, toSeconds(timed.time), it); });
-    values += message.value.size();
-  }
 }
 
 void SimulationServer::publishClock() {
@@ -435,8 +420,7 @@ void SimulationServer::publishClock() {
 
 void SimulationServer::publishStatus() {
   if (status_publisher_.getNumSubscribers() == 0) return;
-  SimulationStatus& message = status_message_;
-  message.header.stamp = role_ == ClockRole::kOwner ? toStamp(snapshot_.time) : ros::Time::now();
+  SimulationStatus message;
   message.state = static_cast<std::uint8_t>(snapshot_.state);
   message.stop_reason = toString(snapshot_.reason);
   message.message = snapshot_.is_preparing ? kPreparing : "";
@@ -452,7 +436,8 @@ void SimulationServer::publishStatus() {
   fillStatistics(snapshot_.statistics, message);
   message.commands_dropped = loop_.droppedCommands();
   message.samples_dropped = loop_.droppedSamples();
-  publish(status_publisher_, message);
+  publish(status_publisher_,
+          role_ == ClockRole::kOwner ? toStamp(snapshot_.time) : ros::Time::now(), message);
 }
 
 void SimulationServer::logTimeTrouble(std::int64_t now) {

@@ -86,7 +86,6 @@ class SimulationServer {
   // Poll thread.
   void publishSamples();
   void publishEvents();
-  void publishQuantities(const TimedSample& timed, const ros::Time& stamp);
   /// `time` and `clock_time` as in TimedSample.
   ros::Time stampOf(std::int64_t time, std::int64_t clock_time);
   void publishClock();
@@ -105,19 +104,16 @@ class SimulationServer {
 
   // Constant after construction.
   const Scene scene_;
+  const bool has_errors_;
+  const std::vector<std::vector<std::string>> quantity_names_;  ///< of each group
   SceneInfo scene_message_;
   ClockRole role_;
 
   // Poll thread.
-  DrivetrainState state_message_;
-  DrivetrainEnergy energy_message_;
-  std::vector<NamedValues> quantity_messages_;  ///< of each group
-  sensor_msgs::JointState joint_message_;
   std::int64_t published_time_ = 0;  ///< simulated time of /clock, ns
   bool lost_events_told_ = false;
 
   // Status thread.
-  SimulationStatus status_message_;
   LoopSnapshot snapshot_;
   std::int64_t lost_time_ = 0;  ///< ns, as far as it was logged
   LogThrottle refused_log_;

@@ -23,13 +23,7 @@ ros::Time stampOf(double time) {
 class BagWriter : public SampleWriter {
  public:
   BagWriter(const std::string& path, const Simulation& simulation, const ColumnGroups& columns)
-      : path_(path),
-        columns_(columns),
-        state_(makeState(simulation.scene(), columns.errors)),
-        joint_state_(makeJointState(simulation.scene())) {
-    for (const QuantityGroup group : columns_.quantities) {
-      quantities_.push_back(makeQuantities(simulation, group));
-    }
+      : path_(path), columns_(columns), simulation_(simulation) {
     guard([&] {
       bag_->open(path, rosbag::bagmode::Write);
       bag_->write("scene", ros::TIME_MIN, toSceneInfo(simulation));
@@ -46,10 +40,7 @@ class BagWriter : public SampleWriter {
   void write(const SampleBlock& block) override {
     guard([&] {
       const double* quantities = block.quantities.data();
-      for (const Sample& sample : block.samples) {
-        writeSample(sample, quantities);
-        for (const NamedValues& message : quantities_) quantities += message.value.size();
-      }
+      for (const Sample& sample : block.samples) quantities = writeSample(sample, quantities);
     });
   }
 
@@ -58,30 +49,26 @@ class BagWriter : public SampleWriter {
   }
 
  private:
-  void writeSample(const Sample& sample, const double* quantities) {
-    const ros::Time stamp = stampOf(sample.time);
-    // A bag accepts no entry at time 0; the message's own stamp keeps it.
-    const ros::Time filed = std::max(stamp, ros::TIME_MIN);
-    if (columns_.state) {
-      state_.header.stamp = stamp;
-      fillState(sample, sample.time, state_);
-      bag_->write("state", filed, state_);
-      joint_state_.header.stamp = stamp;
-      fillJointState(sample, joint_state_);
-      bag_->write("joint_states", filed, joint_state_);
-    }
-    for (std::size_t i = 0; i < quantities_.size(); ++i) {
-      NamedValues& message = quantities_[i];
+  /// Returns the place behind the sample's quantities.
+  const double* writeSample(const Sample& sample, const double* quantities) {
+    const Scene& scene = simulation_.scene();
+    const double time = sample.time;
+    const auto file = [this, stamp = stampOf(time)](const char* topic, auto message) {
       message.header.stamp = stamp;
-      fillQuantities(quantities, sample.time, message);
-      quantities += message.value.size();
-      bag_->write(toString(columns_.quantities[i]), filed, message);
+      // A bag accepts no entry at time 0; the message's own stamp keeps it.
+      bag_->write(topic, std::max(stamp, ros::TIME_MIN), message);
+    };
+    if (columns_.state) {
+      file("state", toState(sample, time, scene, columns_.errors));
+      file("joint_states", toJointState(sample, scene));
     }
-    if (columns_.energy) {
-      energy_.header.stamp = stamp;
-      fillEnergy(sample.energy, sample.time, energy_);
-      bag_->write("energy", filed, energy_);
+    for (const QuantityGroup group : columns_.quantities) {
+      const std::vector<std::string>& names = simulation_.quantityNames(group);
+      file(toString(group), toMessage(quantities, time, names));
+      quantities += names.size();
     }
+    if (columns_.energy) file("energy", toMessage(sample.energy, time));
+    return quantities;
   }
 
   template <class Action>
@@ -111,11 +98,8 @@ class BagWriter : public SampleWriter {
 
   std::string path_;
   ColumnGroups columns_;
+  const Simulation& simulation_;
   std::unique_ptr<rosbag::Bag> bag_ = std::make_unique<rosbag::Bag>();  ///< none after a failure
-  DrivetrainState state_;
-  std::vector<NamedValues> quantities_;  ///< of columns_.quantities
-  DrivetrainEnergy energy_;
-  sensor_msgs::JointState joint_state_;
 };
 
 }  // namespace
