@@ -106,6 +106,12 @@ class ScenesTest(TestCase):
                 # Its ratio alone follows a speed under `gauss`.
                 self.assertEqual(output.count('take or give energy'), int(name == 'vbelt_vehicle'), output)
 
+    def test_a_scene_with_a_delay_starts(self):
+        scene = yaml.safe_load(GOOD)
+        scene['torques'].append('governor')
+        scene['governor'] = {'type': 'variator_sim/ExpressionTorque', 'shaft': 'drive', 'torque': '10 - delay(w1, 0.04)'}
+        self.check_starts('delayed', scene)
+
     def test_launch_file(self):
         info = rospy.wait_for_message('/launched/scene', SceneInfo, PATIENCE)
         self.assertEqual(info.shafts, ['drive', 'load'])

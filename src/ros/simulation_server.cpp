@@ -30,14 +30,6 @@ constexpr std::uint32_t kEventQueue = 1000;              // messages
 constexpr std::uint32_t kClockQueue = 100;               // messages
 constexpr std::int64_t kClockPatience = 5000000000;      // ns: then the log reports the wait
 
-void checkTopic(const CommandInputSettings& input) {
-  const std::string key = input.owner + "/topic";
-  std::string error;
-  if (!ros::names::validate(input.topic, error)) {
-    throw SceneError(key, inQuotes(input.topic) + " is not a ROS name: " + error);
-  }
-}
-
 // Real-time priority and locked memory of Linux. An ordinary user may lack the right to both; then
 // the node runs without them and logs it.
 
@@ -126,7 +118,6 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
       diagnostics_(public_handle_, private_handle_, scene_message_.constraints),
       live_settings_(
           serveSettings(private_handle_, settings, role_ == ClockRole::kFollower, loop_)) {
-  for (const CommandInputSettings& input : scene_.inputs) checkTopic(input);
   advertiseTopics();
   subscribeToCommands();
   ros::NodeHandle pause_handle = withQueue(private_handle_, pause_queue_);

@@ -60,8 +60,7 @@ class SimulationServer {
  public:
   /// Advertises, subscribes and starts the threads. `public_handle` is for joint_states,
   /// `private_handle` for everything else. The motion begins after `preparation`, which compiles
-  /// machine code in a thread of its own; null for none. Throws SceneError when the topic of a
-  /// command cannot be subscribed to.
+  /// machine code in a thread of its own; null for none.
   SimulationServer(const ros::NodeHandle& public_handle, const ros::NodeHandle& private_handle,
                    Simulation simulation, const NodeSettings& settings,
                    const std::function<void()>& preparation);
