@@ -7,7 +7,6 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
-#include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <initializer_list>
@@ -48,10 +47,6 @@ extern "C" __attribute__((visibility("default"))) int bind(int socket, const soc
                                                            socklen_t length) noexcept {
   using Bind = int (*)(int, const sockaddr*, socklen_t);
   static const auto next = reinterpret_cast<Bind>(::dlsym(RTLD_NEXT, "bind"));
-  if (next == nullptr) {
-    errno = ENOSYS;
-    return -1;
-  }
   if (address == nullptr || length > sizeof(sockaddr_storage) || !isForThisMachineOnly()) {
     return next(socket, address, length);
   }
