@@ -37,7 +37,7 @@ bool FollowedClock::set(std::int64_t time) {
 void FollowedClock::waitUntil(std::int64_t deadline) {
   awaited_.store(deadline);
   if (time_.load() < deadline) {
-    woken_.waitUntil(deadline == kForever ? kForever : steady_.now() + kLongestWait);
+    woken_.waitUntil(deadline == kForever ? kForever : steadyTime() + kLongestWait);
   }
   awaited_.store(kForever);
 }

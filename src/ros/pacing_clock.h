@@ -68,10 +68,9 @@ class FollowedClock : public PacingClock {
   bool hasStarted() override { return started_.load(std::memory_order_acquire); }
   std::uint64_t jumpsBack() override { return jumps_back_.load(std::memory_order_acquire); }
   bool isFollowed() const override { return true; }
-  std::int64_t wallTime() override { return steady_.now(); }
+  std::int64_t wallTime() override { return steadyTime(); }
 
  private:
-  SteadyClock steady_;
   Semaphore woken_;
   // Sequentially consistent: either the setter sees what is waited for, or the waiter sees the time
   // that was set.
