@@ -206,7 +206,6 @@ struct Source {
 }  // namespace
 
 Sensitivity::~Sensitivity() = default;
-Sensitivity::Sensitivity(Sensitivity&&) noexcept = default;
 
 Sensitivity::Sensitivity(const ParameterTree& tree, const SceneReader& read,
                          const std::vector<std::string>& paths,

@@ -32,7 +32,6 @@ class Sensitivity {
   Sensitivity(const ParameterTree& tree, const SceneReader& read,
               const std::vector<std::string>& paths, const std::vector<ResolvedCommand>& commands);
   ~Sensitivity();
-  Sensitivity(Sensitivity&&) noexcept;
 
   /// Returns "d(load/velocity)/d(drive/inertia)", ..: for each path, of each shaft angle, velocity,
   /// acceleration, applied and reaction torque; of each constraint the multiplier; states; outputs.
