@@ -44,8 +44,6 @@ class EarlyStatus {
   explicit EarlyStatus(const ros::NodeHandle& private_handle)
       : handle_(private_handle), thread_([this] { run(); }) {}
   ~EarlyStatus() { stop(); }
-  EarlyStatus(const EarlyStatus&) = delete;
-  EarlyStatus& operator=(const EarlyStatus&) = delete;
 
   /// Subscribers stay connected until this object ends.
   void stop() {
@@ -130,8 +128,8 @@ std::string describeReady(const SceneInfo& scene, const std::string& machine_cod
 
 }  // namespace
 
-std::shared_ptr<SimulationServer> makeServerFromParameters(const ros::NodeHandle& public_handle,
-                                                           const ros::NodeHandle& private_handle) {
+std::shared_ptr<void> makeServerFromParameters(const ros::NodeHandle& public_handle,
+                                               const ros::NodeHandle& private_handle) {
   const std::string& name_space = private_handle.getNamespace();
   try {
     EarlyStatus early_status(private_handle);

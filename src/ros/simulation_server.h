@@ -18,7 +18,6 @@
 #include "ros/diagnostics.h"
 #include "ros/message_conversion.h"
 #include "ros/pacing_clock.h"
-#include "ros/server_from_parameters.h"
 #include "ros/services.h"
 #include "ros/stepping_loop.h"
 
@@ -66,8 +65,6 @@ class SimulationServer {
                    const std::function<void()>& preparation);
   /// Ends the threads; a pending request fails.
   ~SimulationServer();
-  SimulationServer(const SimulationServer&) = delete;
-  SimulationServer& operator=(const SimulationServer&) = delete;
 
  private:
   void advertiseTopics();

@@ -24,7 +24,7 @@ class VariatorNodelet : public nodelet::Nodelet {
     }
   }
 
-  std::shared_ptr<SimulationServer> server_;
+  std::shared_ptr<void> server_;
 };
 
 }  // namespace variator_sim

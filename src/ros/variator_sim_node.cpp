@@ -61,8 +61,8 @@ void endSoon() {
 }
 
 /// Reads the scene in a thread of its own, so that a shutdown is noticed meanwhile.
-std::shared_ptr<variator_sim::SimulationServer> makeServer(const ros::NodeHandle& public_handle,
-                                                           const ros::NodeHandle& private_handle) {
+std::shared_ptr<void> makeServer(const ros::NodeHandle& public_handle,
+                                 const ros::NodeHandle& private_handle) {
   auto server = std::async(std::launch::async, [&] {
     const variator_sim::Interruption interruption(isEnding);
     return variator_sim::makeServerFromParameters(public_handle, private_handle);

@@ -15,16 +15,11 @@ class Simulation;
 class SampleWriter {
  public:
   virtual ~SampleWriter() = default;
-  SampleWriter(const SampleWriter&) = delete;
-  SampleWriter& operator=(const SampleWriter&) = delete;
 
   /// Writes the samples in order, with the quantities of its columns' groups. Throws OutputError.
   virtual void write(const SampleBlock& block) = 0;
   /// Completes the output. Called once, after the last `write`. Throws OutputError.
   virtual void close() = 0;
-
- protected:
-  SampleWriter() = default;
 };
 
 /// Writes CSV to a file, or to standard output when `path` is empty. Throws OutputError.
