@@ -88,17 +88,17 @@ enum class RequestResult {
 
 struct LoopRequest {
   RequestKind kind = RequestKind::kPause;
-  std::int64_t duration = 0;           ///< of kStep, ns > 0
-  std::vector<InputCommand> commands;  ///< of kStep
+  std::int64_t duration = 0;             ///< of kStep, ns > 0
+  std::vector<InputCommand> commands{};  ///< of kStep
   /// Of kGetState and kSetState, for the stepping thread, which it may keep longer than the caller
   /// waits. Returns "", or why not: then the motion is unchanged. May allocate.
-  std::function<std::string(Simulation&)> visit;
+  std::function<std::string(Simulation&)> visit{};
 };
 
 struct LoopAnswer {
   RequestResult result = RequestResult::kDone;
-  TimedSample sample;   ///< of kStep, also when it ended on the way, and of states
-  std::string message;  ///< of kStopped and kRefused
+  TimedSample sample{};   ///< of kStep, also when it ended on the way, and of states
+  std::string message{};  ///< of kStopped and kRefused
   /// Explains to the caller of a service why the result is not kDone.
   std::string describeFault() const;
 };

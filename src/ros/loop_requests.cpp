@@ -61,12 +61,10 @@ bool SteppingLoop::hasToYield() {
 }
 
 LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
-  LoopAnswer shut_down;
-  shut_down.result = RequestResult::kShutDown;
   if (request.kind == RequestKind::kPause) pause_wanted_.store(true, std::memory_order_relaxed);
   const std::lock_guard<std::mutex> one_at_a_time(submitting_);
   if (request.kind == RequestKind::kPause) pause_wanted_.store(false, std::memory_order_relaxed);
-  if (isStopping()) return shut_down;
+  if (isStopping()) return {RequestResult::kShutDown};
   if (LoopAnswer answer; serveWhileIdle(request, answer)) return answer;
   request_ = request;
   request_posted_.store(true, std::memory_order_release);
@@ -76,7 +74,7 @@ LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
     constexpr std::int64_t kLook = 50000000;
     answered_.waitUntil(steadyTime() + kLook);
     if (!request_posted_.load(std::memory_order_acquire)) return answer_;
-    if (isStopping()) return shut_down;
+    if (isStopping()) return {RequestResult::kShutDown};
   }
 }
 
@@ -95,8 +93,7 @@ bool SteppingLoop::serveWhileIdle(const LoopRequest& request, LoopAnswer& answer
 }
 
 void SteppingLoop::serveRequest() {
-  answer_.result = RequestResult::kDone;
-  answer_.message.clear();
+  answer_ = {};
   catchUp();
   is_serving_ = true;
   const RunState before = state();

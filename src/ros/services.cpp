@@ -24,12 +24,6 @@ constexpr double kLongestStep = 1e6;  // s
 /// Far from the ends of 64-bit nanoseconds.
 constexpr double kLatest = 1e9;  // s
 
-LoopRequest makeRequest(RequestKind kind) {
-  LoopRequest request;
-  request.kind = kind;
-  return request;
-}
-
 /// Return why a request is rejected, or "". They check all of it before any change.
 std::string read(const Step::Request& message, const Scene& scene, LoopRequest& request) {
   const std::string duration = "duration is " + formatReal(message.duration) + " s; ";
@@ -141,7 +135,7 @@ std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, bool has_e
                                                   ros::NodeHandle& pause_handle) {
   const auto serve_trigger = [&loop](ros::NodeHandle& handle, const char* name, RequestKind kind) {
     return serve<std_srvs::Trigger>(handle, name, [&loop, kind](const auto&, auto& response) {
-      const LoopAnswer answer = loop.submit(makeRequest(kind));
+      const LoopAnswer answer = loop.submit({kind});
       response.success = answer.result == RequestResult::kDone;
       response.message = answer.describeFault();
     });
@@ -152,14 +146,14 @@ std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, bool has_e
           serve_trigger(private_handle, "reset_time", RequestKind::kResetTime),
           serve<Step>(private_handle, "step",
                       [&scene, &loop, has_errors](const auto& message, auto& response) {
-                        LoopRequest request = makeRequest(RequestKind::kStep);
+                        LoopRequest request{RequestKind::kStep};
                         response.message = read(message, scene, request);
                         if (response.message.empty())
                           fill(loop.submit(request), scene, has_errors, response);
                       }),
           serve<GetState>(private_handle, "get_state",
                           [&scene, &loop, has_errors](const auto&, auto& response) {
-                            LoopRequest request = makeRequest(RequestKind::kGetState);
+                            LoopRequest request{RequestKind::kGetState};
                             const auto state = std::make_shared<MotionState>();
                             request.visit = [state](Simulation& simulation) {
                               simulation.saveState(state.get());
@@ -170,7 +164,7 @@ std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, bool has_e
                           }),
           serve<SetState>(private_handle, "set_state",
                           [&scene, &loop, has_errors](const auto& message, auto& response) {
-                            LoopRequest request = makeRequest(RequestKind::kSetState);
+                            LoopRequest request{RequestKind::kSetState};
                             response.message = read(message, scene, request);
                             if (response.message.empty())
                               fill(loop.submit(request), scene, has_errors, response);

@@ -111,8 +111,7 @@ void SteppingLoop::run() {
     if (pacer_.waitForTick()) tick();
   }
   if (request_posted_.load(std::memory_order_acquire)) {
-    answer_ = {};
-    answer_.result = RequestResult::kShutDown;
+    answer_ = {RequestResult::kShutDown};
     request_posted_.store(false, std::memory_order_release);
     answered_.post();
   }
