@@ -360,7 +360,7 @@ std::unique_ptr<SampleWriter> makeWriter(const Simulation& simulation,
                                          const SimulateOptions& options,
                                          const ColumnGroups& columns) {
   if (options.check_minimum && options.output_path.empty()) return nullptr;
-  return options.format == OutputFormat::kBag
+  return endingOf(options.output_path) == ".bag"
              ? makeBagWriter(options.output_path, simulation, columns)
              : makeCsvWriter(options.output_path, simulation, columns);
 }

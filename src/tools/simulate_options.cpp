@@ -40,12 +40,6 @@ std::vector<double> readTimes(const std::string& word) {
   return times;
 }
 
-OutputFormat formatOf(const std::string& path) {
-  if (path.empty() || endingOf(path) == ".csv") return OutputFormat::kCsv;
-  if (endingOf(path) == ".bag") return OutputFormat::kBag;
-  throw UsageError("--output: " + inQuotes(path) + " ends neither with .csv nor with .bag");
-}
-
 /// Options for CLI11, processed in order: the last occurrence counts, the first error is reported,
 /// and an error behind --help is ignored.
 class OptionParser {
@@ -215,11 +209,15 @@ void completeOptions(const OptionParser& given, SimulateOptions& options) {
   if (options.until_rest && !options.has_duration) {
     throw UsageError("--until-rest needs a --duration, after which it gives up");
   }
-  options.format = formatOf(options.output_path);
-  if (options.compare_principles && endingOf(options.output_path) != ".csv") {
+  const std::string ending = endingOf(options.output_path);
+  if (!options.output_path.empty() && ending != ".csv" && ending != ".bag") {
+    throw UsageError("--output: " + inQuotes(options.output_path) +
+                     " ends neither with .csv nor with .bag");
+  }
+  if (options.compare_principles && ending != ".csv") {
     throw UsageError("--compare-principles needs an --output FILE.csv");
   }
-  if (!options.sensitivity.empty() && options.format == OutputFormat::kBag) {
+  if (!options.sensitivity.empty() && ending == ".bag") {
     throw UsageError("--sensitivity: a bag has no place for derivatives; write a .csv");
   }
   if (!options.sensitivity.empty() && !begins_at_zero) {

@@ -16,8 +16,6 @@ class UsageError : public Error {
   using Error::Error;
 };
 
-enum class OutputFormat { kCsv, kBag };
-
 struct SimulateOptions {
   bool help = false;
   bool explain = false;  ///< print the equations instead of running
@@ -36,7 +34,6 @@ struct SimulateOptions {
   std::string commands_path;  ///< empty: no commands
   std::string events_path;    ///< of changes of modes; empty: nowhere
   std::string output_path;    ///< empty: standard output
-  OutputFormat format = OutputFormat::kCsv;
   ColumnGroups columns;
   bool estimate_errors = false;
   bool check_minimum = false;            ///< compare Z with the least one at each sample
