@@ -1,17 +1,16 @@
 #include "ros/message_conversion.h"
 
-#include <limits>
+#include <algorithm>
 
+#include "ros/nanoseconds.h"
 #include "variator_sim/io/yaml_text.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
+
 ros::Time toStamp(std::int64_t nanoseconds) {
-  constexpr std::int64_t kSecond = 1000000000;
-  const std::int64_t seconds = nanoseconds / kSecond;
-  if (seconds > std::numeric_limits<std::uint32_t>::max()) return ros::TIME_MAX;
-  return ros::Time(static_cast<std::uint32_t>(seconds),
-                   static_cast<std::uint32_t>(nanoseconds % kSecond));
+  const auto time = static_cast<std::uint64_t>(nanoseconds);
+  return ros::Time().fromNSec(std::min(time, ros::TIME_MAX.toNSec()));
 }
 
 DrivetrainState toState(const Sample& sample, double time, const Scene& scene, bool has_errors) {
@@ -69,7 +68,7 @@ NamedValues toMessage(const double* values, double time, const std::vector<std::
 Event toMessage(const TimedEvent& timed, const std::vector<std::string>& names) {
   const ModeEvent& event = timed.event;
   Event message;
-  message.time = static_cast<double>(timed.time) / 1e9;
+  message.time = toSeconds(timed.time);
   message.element = names[static_cast<std::size_t>(event.element)];
   message.before = modeName(event.from);
   message.after = modeName(event.to);
@@ -96,7 +95,23 @@ SceneInfo toSceneInfo(const Simulation& simulation) {
   return message;
 }
 
-void fillStatistics(const Statistics& statistics, SimulationStatus& message) {
+SimulationStatus toMessage(const LoopSnapshot& snapshot) {
+  SimulationStatus message;
+  message.state = static_cast<std::uint8_t>(snapshot.state);
+  message.stop_reason = toString(snapshot.reason);
+  if (snapshot.is_preparing) {
+    message.message = "preparing: the formulas are being compiled; the motion begins afterwards";
+  }
+  if (snapshot.state == RunState::kStopped) message.message = snapshot.stop_message.data();
+  message.time = toSeconds(snapshot.time);
+  message.real_time_factor = snapshot.real_time_factor;
+  message.ticks = snapshot.pacing.ticks;
+  message.overruns = snapshot.pacing.overruns;
+  message.lateness_p50 = toSeconds(snapshot.lateness.p50);
+  message.lateness_p99 = toSeconds(snapshot.lateness.p99);
+  message.lateness_max = toSeconds(snapshot.lateness.max);
+  message.lost_wall_time = toSeconds(snapshot.pacing.lost_time);
+  const Statistics& statistics = snapshot.statistics;
   message.steps = statistics.steps;
   message.rejected_steps = statistics.rejected_steps;
   message.right_hand_sides = statistics.right_hand_sides;
@@ -108,6 +123,9 @@ void fillStatistics(const Statistics& statistics, SimulationStatus& message) {
   message.commands_clamped = statistics.commands_clamped;
   message.commands_refused = statistics.commands_refused;
   message.command_timeouts = statistics.command_timeouts;
+  message.commands_dropped = snapshot.commands_dropped;
+  message.samples_dropped = snapshot.samples_dropped;
+  return message;
 }
 
 }  // namespace variator_sim

@@ -33,12 +33,10 @@ sensor_msgs::JointState toJointState(const Sample& sample, const Scene& scene);
 DrivetrainEnergy toMessage(const Energy& energy, double time);
 /// `values`: one for each name.
 NamedValues toMessage(const double* values, double time, const std::vector<std::string>& names);
+SimulationStatus toMessage(const LoopSnapshot& snapshot);
 /// `names`: Scene::eventNames.
 Event toMessage(const TimedEvent& timed, const std::vector<std::string>& names);
 
 SceneInfo toSceneInfo(const Simulation& simulation);
-
-/// Fills in the counters that the simulation itself keeps.
-void fillStatistics(const Statistics& statistics, SimulationStatus& message);
 
 }  // namespace variator_sim

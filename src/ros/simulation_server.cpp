@@ -20,8 +20,6 @@
 namespace variator_sim {
 namespace {
 
-constexpr const char* kPreparing =
-    "preparing: the formulas are being compiled; the motion begins afterwards";
 constexpr std::int64_t kStatusPeriod = 100000000;        // ns: 10 Hz
 constexpr std::int64_t kDiagnosticsPeriod = 1000000000;  // ns: 1 Hz
 constexpr std::uint32_t kCommandQueue = 1000;            // messages
@@ -330,8 +328,6 @@ void SimulationServer::runStatus() {
       }
     }
     logReactionEnergy();
-    snapshot_.commands_dropped = loop_.droppedCommands();
-    snapshot_.samples_dropped = loop_.droppedSamples();
     const std::int64_t now = steady_clock_.now();
     if (now >= next_status) {
       if (!state_changed) publishStatus();
@@ -410,25 +406,12 @@ void SimulationServer::publishClock() {
 }
 
 void SimulationServer::publishStatus() {
+  snapshot_.commands_dropped = loop_.droppedCommands();
+  snapshot_.samples_dropped = loop_.droppedSamples();
   if (status_publisher_.getNumSubscribers() == 0) return;
-  SimulationStatus message;
-  message.state = static_cast<std::uint8_t>(snapshot_.state);
-  message.stop_reason = toString(snapshot_.reason);
-  message.message = snapshot_.is_preparing ? kPreparing : "";
-  if (snapshot_.state == RunState::kStopped) message.message = snapshot_.stop_message.data();
-  message.time = toSeconds(snapshot_.time);
-  message.real_time_factor = snapshot_.real_time_factor;
-  message.ticks = snapshot_.pacing.ticks;
-  message.overruns = snapshot_.pacing.overruns;
-  message.lateness_p50 = toSeconds(snapshot_.lateness.p50);
-  message.lateness_p99 = toSeconds(snapshot_.lateness.p99);
-  message.lateness_max = toSeconds(snapshot_.lateness.max);
-  message.lost_wall_time = toSeconds(snapshot_.pacing.lost_time);
-  fillStatistics(snapshot_.statistics, message);
-  message.commands_dropped = loop_.droppedCommands();
-  message.samples_dropped = loop_.droppedSamples();
   publish(status_publisher_,
-          role_ == ClockRole::kOwner ? toStamp(snapshot_.time) : ros::Time::now(), message);
+          role_ == ClockRole::kOwner ? toStamp(snapshot_.time) : ros::Time::now(),
+          toMessage(snapshot_));
 }
 
 void SimulationServer::logTimeTrouble(std::int64_t now) {
