@@ -752,9 +752,9 @@ NamedTables someTables() {
   ParameterReader reader(tree, "");
   const Table::Beyond beyond = Table::Beyond::kLinear;
   NamedTables tables;
-  tables["curve"].of_one = std::make_shared<Table>(
+  tables["curve"] = std::make_shared<Table>(
       Table::read(reader, {"x", Range::any()}, {"x", Range::any()}, beyond));
-  tables["map"].of_two = std::make_shared<Table2>(Table2::read(reader, {"x", "y", "z"}, beyond));
+  tables["map"] = std::make_shared<Table>(Table::read(reader, {"x"}, {"y"}, {"z"}, beyond));
   return tables;
 }
 

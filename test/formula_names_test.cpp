@@ -19,15 +19,13 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-NamedTable table(const std::string& yaml, Table::Beyond beyond = Table::Beyond::kConstant) {
+std::shared_ptr<const Table> table(const std::string& yaml,
+                                   Table::Beyond beyond = Table::Beyond::kConstant) {
   const ParameterTree tree = readYamlText(yaml, "table");
   ParameterReader reader(tree, "table");
-  if (!reader.has("y")) {
-    return {std::make_shared<Table>(
-                Table::read(reader, {"x", Range::any()}, {"values", Range::any()}, beyond)),
-            nullptr};
-  }
-  return {nullptr, std::make_shared<Table2>(Table2::read(reader, {"x", "y", "values"}, beyond))};
+  return std::make_shared<const Table>(reader.has("y")
+                                           ? Table::read(reader, {"x"}, {"y"}, {"values"}, beyond)
+                                           : Table::read(reader, {"x"}, {"values"}, beyond));
 }
 
 const char* const kCurve = "{x: [-1, 0.5, 2, 2.5, 4], values: [1, 3, -2, 0, 0.5]}";
@@ -143,11 +141,11 @@ TEST(TableNode, IsTheTable) {
   f.tables["line"] = table(kCurve, Table::Beyond::kLinear);
   f.tables["map"] = table(kMap);
   for (double x = -3.0; x < 6.0; x += 0.137) {
-    EXPECT_EQ(f.evaluate("2*curve(x)", x), 2.0 * f.tables["curve"].of_one->value(x)) << x;
-    EXPECT_EQ(f.evaluate("line(x)", x), f.tables["line"].of_one->value(x)) << x;
+    EXPECT_EQ(f.evaluate("2*curve(x)", x), 2.0 * f.tables["curve"]->value(x)) << x;
+    EXPECT_EQ(f.evaluate("line(x)", x), f.tables["line"]->value(x)) << x;
     EXPECT_EQ(f.evaluate("curve(3*x)*line(x)", x),
-              f.tables["curve"].of_one->value(3.0 * x) * f.tables["line"].of_one->value(x));
-    EXPECT_EQ(f.evaluate("map(x, y - 1)", x, 0.3), f.tables["map"].of_two->value(x, 0.3 - 1.0));
+              f.tables["curve"]->value(3.0 * x) * f.tables["line"]->value(x));
+    EXPECT_EQ(f.evaluate("map(x, y - 1)", x, 0.3), f.tables["map"]->value(x, 0.3 - 1.0));
   }
   EXPECT_EQ(f.evaluate("curve(0.5)", 0.0), 3.0);
   EXPECT_TRUE(std::isnan(f.evaluate("curve(x)", kNan)));
@@ -229,63 +227,60 @@ TEST(TableNode, NeedsItsArguments) {
 
 // ------------------------------------------------------------------------------ tables of two
 
-TEST(Table2, GoesThroughItsPoints) {
+TEST(TableOfTwo, GoesThroughItsPoints) {
   for (const Table::Beyond beyond : {Table::Beyond::kConstant, Table::Beyond::kLinear}) {
-    const NamedTable map = table(kMap, beyond);
+    const auto map = table(kMap, beyond);
     const double z[4][3] = {{1, 3, 0}, {-2, 0, 5}, {2, 2, 1}, {0, 1, 4}};
     for (std::size_t i = 0; i < 4; ++i) {
       for (std::size_t j = 0; j < 3; ++j) {
-        EXPECT_EQ(map.of_two->value(map.of_two->pointsX()[i], map.of_two->pointsY()[j]), z[i][j]);
+        EXPECT_EQ(map->value(map->points(0)[i], map->points(1)[j]), z[i][j]);
       }
     }
   }
 }
 
-TEST(Table2, IsTwiceContinuouslyDifferentiable) {
+TEST(TableOfTwo, IsTwiceContinuouslyDifferentiable) {
   for (const Table::Beyond beyond : {Table::Beyond::kConstant, Table::Beyond::kLinear}) {
-    const NamedTable map = table(kMap, beyond);
+    const auto map = table(kMap, beyond);
     const double h = 1e-9;
-    for (const Table2::Order order :
-         {Table2::Order{0, 0}, {1, 0}, {0, 1}, {1, 1}, {2, 0}, {0, 2}}) {
-      for (const double x : map.of_two->pointsX()) {
+    for (const Table::Order order : {Table::Order{0, 0}, {1, 0}, {0, 1}, {1, 1}, {2, 0}, {0, 2}}) {
+      for (const double x : map->points(0)) {
         for (double y = -3.1; y < 2.0; y += 0.37) {
-          EXPECT_NEAR(map.of_two->derivative(order, x - h, y),
-                      map.of_two->derivative(order, x + h, y), 2e-6);
+          EXPECT_NEAR(map->derivative(order, x - h, y), map->derivative(order, x + h, y), 2e-6);
         }
       }
-      for (const double y : map.of_two->pointsY()) {
+      for (const double y : map->points(1)) {
         for (double x = -2.1; x < 5.0; x += 0.37) {
-          EXPECT_NEAR(map.of_two->derivative(order, x, y - h),
-                      map.of_two->derivative(order, x, y + h), 2e-6);
+          EXPECT_NEAR(map->derivative(order, x, y - h), map->derivative(order, x, y + h), 2e-6);
         }
       }
     }
   }
 }
 
-TEST(Table2, MeetsBilinearDataExactly) {
+TEST(TableOfTwo, MeetsBilinearDataExactly) {
   // z = 2 + 3 x - y + x y / 2
-  const NamedTable map = table(
+  const auto map = table(
       "{x: [0, 1, 4, 6], y: [-2, 0, 6], values: [[4, 2, -4], [6, 5, 2], [12, 14, 20], [16, 20, "
       "32]]}",
       Table::Beyond::kLinear);
   for (double x = -3.0; x < 9.0; x += 0.21) {
     for (double y = -5.0; y < 9.0; y += 0.33) {
-      EXPECT_NEAR(map.of_two->value(x, y), 2.0 + 3.0 * x - y + 0.5 * x * y, 1e-12);
+      EXPECT_NEAR(map->value(x, y), 2.0 + 3.0 * x - y + 0.5 * x * y, 1e-12);
     }
   }
 }
 
-TEST(Table2, StaysAtItsEdges) {
-  const NamedTable map = table(kMap);
+TEST(TableOfTwo, StaysAtItsEdges) {
+  const auto map = table(kMap);
   for (const double far : {1.0, 1e9, std::numeric_limits<double>::infinity()}) {
-    EXPECT_EQ(map.of_two->value(4.0 + far, 0.3), map.of_two->value(4.0, 0.3));
-    EXPECT_EQ(map.of_two->value(1.0, -2.0 - far), map.of_two->value(1.0, -2.0));
-    EXPECT_EQ(map.of_two->derivative({1, 0}, 4.0 + far, 0.3), 0.0);
+    EXPECT_EQ(map->value(4.0 + far, 0.3), map->value(4.0, 0.3));
+    EXPECT_EQ(map->value(1.0, -2.0 - far), map->value(1.0, -2.0));
+    EXPECT_EQ(map->derivative({1, 0}, 4.0 + far, 0.3), 0.0);
   }
 }
 
-TEST(Table2, SaysWhatIsWrong) {
+TEST(TableOfTwo, SaysWhatIsWrong) {
   const auto messageOf = [](const std::string& yaml) -> std::string {
     return test::messageOf([&] { table(yaml); });
   };

@@ -47,7 +47,7 @@ TEST(TableFile, IsReadByTheNamesOfColumns) {
   const Scene scene = folder.read(std::string(kOne) + ", units: {w: rpm, T: kN m}",
                                   "\xef\xbb\xbf# a comment\n\n note;\"w\" ; "
                                   "T\r\nx;1000;+1e-1\r\n#\r\n;2000;0.3\n\"a;b\"; \"4000\" ;.2");
-  const Table& table = *scene.symbols.tables.at("it").of_one;
+  const Table& table = *scene.symbols.tables.at("it");
   EXPECT_EQ(table.smoothness(), 1);
   EXPECT_EQ(table.points().size(), 3U);
   EXPECT_NEAR(table.value(1500.0 * rpm), 200.0, 1e-9);
@@ -60,7 +60,7 @@ TEST(TableFile, IsReadByTheNamesOfColumns) {
 TEST(TableFile, OfTwoVariablesHasItsRowsInAnyOrder) {
   const Folder folder;
   const Scene scene = folder.read(kTwo, "u\tT\tw\n1\t4\t0\n0\t1\t0\n0\t2\t10\n1\t9\t10\n");
-  const Table2& table = *scene.symbols.tables.at("it").of_two;
+  const Table& table = *scene.symbols.tables.at("it");
   EXPECT_EQ(table.value(0.0, 0.0), 1.0);
   EXPECT_EQ(table.value(0.0, 1.0), 4.0);
   EXPECT_EQ(table.value(10.0, 0.0), 2.0);
@@ -77,8 +77,7 @@ TEST(TableFile, IsFoundInAPackage) {
   folder.write("src/group/my_car/maps/m.csv", "w,T\n0,1\n1,2\n");
   setenv("ROS_PACKAGE_PATH", ("/nowhere::" + (folder.path() / "src").string()).c_str(), 1);
   const std::string keys = "x: w, values: T, interpolation: linear, file: 'package://";
-  EXPECT_EQ(folder.read(keys + "my_car/maps/m.csv'", "").symbols.tables.at("it").of_one->value(0.5),
-            1.5);
+  EXPECT_EQ(folder.read(keys + "my_car/maps/m.csv'", "").symbols.tables.at("it")->value(0.5), 1.5);
   test::expectFault({keys + "my_cart/maps/m.csv'", "it/file", {"no package 'my_cart'"}},
                     [&](const std::string& text) { folder.read(text, ""); });
   test::expectFault({keys + "my_car'", "it/file", {"package://PACKAGE/PATH"}},
@@ -91,8 +90,7 @@ TEST(TableFile, IsFoundInAPackage) {
   folder.write("src/a/b/c/folder/below/package.xml", "<package><name>lost</name></package>");
   folder.write("src/old/package.xml", "<package><name>old_car</name></package>");
   folder.write("src/old/CATKIN_IGNORE", "");
-  EXPECT_EQ(folder.read(keys + "big_car/m.csv'", "").symbols.tables.at("it").of_one->value(0.5),
-            3.5);
+  EXPECT_EQ(folder.read(keys + "big_car/m.csv'", "").symbols.tables.at("it")->value(0.5), 3.5);
   for (const char* const name : {"lost", "old_car", "folder"}) {
     test::expectFault({keys + name + "/m.csv'", "it/file", {"there is no package"}},
                       [&](const std::string& text) { folder.read(text, ""); });
@@ -106,8 +104,7 @@ TEST(TableFile, IsFoundInAPackage) {
   const char* const prefixes = std::getenv("CMAKE_PREFIX_PATH");
   const std::string before = prefixes != nullptr ? prefixes : "";
   setenv("CMAKE_PREFIX_PATH", (folder.path() / "devel").c_str(), 1);
-  EXPECT_EQ(folder.read(keys + "big_car/m.csv'", "").symbols.tables.at("it").of_one->value(0.5),
-            3.5);
+  EXPECT_EQ(folder.read(keys + "big_car/m.csv'", "").symbols.tables.at("it")->value(0.5), 3.5);
   setenv("CMAKE_PREFIX_PATH", before.c_str(), 1);
 }
 
@@ -216,7 +213,7 @@ TEST(TableFile, OfAMapOf200By200LoadsAtOnce) {
   const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
   std::printf("map of 200 by 200: loaded in %.3f s\n", seconds);
   EXPECT_LT(seconds, 2.0);  // of the processor, with sanitizers, too
-  const Table2& table = *scene.symbols.tables.at("it").of_two;
+  const Table& table = *scene.symbols.tables.at("it");
   EXPECT_NEAR(table.value(500.0, 0.5), std::sin(10.0) * 100.0, 1e-5);
 }
 

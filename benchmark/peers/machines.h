@@ -20,7 +20,6 @@
 #include "variator_sim/io/command_file.h"
 #include "variator_sim/simulation.h"
 #include "variator_sim/table.h"
-#include "variator_sim/table2.h"
 
 namespace variator_sim::benchmark {
 
@@ -148,7 +147,7 @@ class SecondLag {
 /// A table of two variables as polynomials in x - x_k and y - y_l.
 class Surface {
  public:
-  explicit Surface(const Table2& table) : x_(table.pointsX()), y_(table.pointsY()) {
+  explicit Surface(const Table& table) : x_(table.points(0)), y_(table.points(1)) {
     for (std::size_t k = 0; k <= x_.size(); ++k) {
       for (std::size_t l = 0; l <= y_.size(); ++l) cells_.push_back(makeCell(table, k, l));
     }
@@ -170,7 +169,7 @@ class Surface {
 
  private:
   using Cell = std::array<std::array<double, 6>, 6>;
-  static Cell makeCell(const Table2& table, std::size_t k, std::size_t l) {
+  static Cell makeCell(const Table& table, std::size_t k, std::size_t l) {
     // Before the first point: derivatives of order 0 and 1 at it, which are continuous.
     const int orders_x = k == 0 ? 2 : 6;
     const int orders_y = l == 0 ? 2 : 6;
@@ -179,8 +178,8 @@ class Surface {
     for (int m = 0; m < orders_x; factorial_m *= ++m) {
       double factorial_n = 1.0;
       for (int n = 0; n < orders_y; factorial_n *= ++n) {
-        const double value = table.derivative({m, n}, table.pointsX()[k > 0 ? k - 1 : 0],
-                                              table.pointsY()[l > 0 ? l - 1 : 0]);
+        const double value = table.derivative({m, n}, table.points(0)[k > 0 ? k - 1 : 0],
+                                              table.points(1)[l > 0 ? l - 1 : 0]);
         cell[static_cast<std::size_t>(m)][static_cast<std::size_t>(n)] =
             value / (factorial_m * factorial_n);
       }
@@ -280,10 +279,10 @@ class Car : public Commanded {
   }
 
  private:
-  static Table2 readMap(const ParameterTree& scene) {
+  static Table readMap(const ParameterTree& scene) {
     ParameterReader root(scene, "");
     ParameterReader reader = root.section("engine_map");
-    return Table2::read(reader, {"x", "y", "values"}, Table::Beyond::kLinear);
+    return Table::read(reader, {"x"}, {"y"}, {"values"}, Table::Beyond::kLinear);
   }
   Surface engine_;
   Curve hill_{{-100, 650, 720, 870, 940}, {0, 0, 0.08, 0.08, 0}};

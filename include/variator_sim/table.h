@@ -1,4 +1,4 @@
-/// Tables: a function of one variable through given points.
+/// Tables: a function of one or two variables through given points.
 #pragma once
 
 #include <cstddef>
@@ -42,6 +42,12 @@ enum class Interpolation {
 /// Beyond the ends:
 ///     kConstant  the first and the last value; a smooth y levels off (s = q = 0) at both ends
 ///     kLinear    the straight lines through the first two and through the last two points
+///
+/// z(x, y) through the points (x_i, y_j, z_ij) of a grid is the tensor product of one such function
+/// along x and one along y: kLinear is bilinear between four points. A smooth one has no limits on
+/// s_k and q_k: so it is linear in the data, and the order of the two does not matter. Planes and
+/// bilinear data are met exactly (with kConstant: away from the edges); near steep bends it may
+/// overshoot, as a table of one variable does not.
 class Table {
  public:
   enum class Beyond { kConstant, kLinear };
@@ -53,10 +59,15 @@ class Table {
     Beyond beyond;
     Interpolation interpolation;
   };
+  /// Orders of the derivative by x and by y.
+  struct Order {
+    int x = 0;
+    int y = 0;
+  };
   /// A list of numbers in a scene.
   struct Column {
     const char* key;
-    Range range;
+    Range range = {};
     Unit unit = {};  ///< of the list's numbers
   };
   /// Points that were read, and the error that tells of entry `index` of `column`, "x", "y" or
@@ -74,33 +85,41 @@ class Table {
   Table() = default;
   /// Makes a table through the points (x, y), two at least, x strictly increasing.
   static Table through(std::vector<double> x, const std::vector<double>& y, const Shape& shape);
-  /// Makes a table of points that were read at `origin` of a scene, two at least. Throws SceneError
-  /// unless x is strictly increasing.
+  /// Makes a table of points that were read at `origin` of a scene, two at least: of two variables
+  /// if there are y. Throws SceneError unless x, and y, are strictly increasing.
   static Table make(Points points, const Shape& shape, const std::string& origin);
   /// Reads two lists of equally many numbers, two at least, x strictly increasing.
   /// Throws SceneError.
   static Table read(ParameterReader& reader, const Column& x, const Column& y, const Shape& shape);
+  /// Reads a table of two variables: z is a list of one row per x, each with a value per y.
+  static Table read(ParameterReader& reader, const Column& x, const Column& y, const Column& z,
+                    const Shape& shape);
 
+  int argumentCount() const;
   /// Evaluations allocate nothing and do not throw; NaN gives NaN. [loop]
   double value(double x) const { return derivative(0, x); }      ///< y
   double slope(double x) const { return derivative(1, x); }      ///< dy/dx
   double curvature(double x) const { return derivative(2, x); }  ///< d2y/dx2
   /// Returns d^order y/dx^order; right-hand where it jumps; from the sixth on 0.
   double derivative(int order, double x) const;
-  /// Returns the x_k, at which derivatives from that of order `smoothness` on jump.
-  std::vector<double> points() const;
+  /// The same of two variables: z, and d^(m + n) z / dx^m dy^n.
+  double value(double x, double y) const { return derivative({}, x, y); }
+  double derivative(Order order, double x, double y) const;
+  /// Returns the x_k (axis 0) or the y_k, at which derivatives from that of order `smoothness` on
+  /// jump.
+  std::vector<double> points(int axis = 0) const;
   /// 3, of kLinear 1, of kHold 0.
   int smoothness() const;
-  /// Highest order of a derivative that is not 0: 5, 1 or 0.
+  /// Highest order of a derivative, along an axis, that is not 0: 5, 1 or 0.
   int degree() const;
-  /// True when y is bounded: nothing grows beyond the ends.
+  /// True when the table is bounded: nothing grows beyond the ends.
   bool isBounded() const;
   /// Returns the path of its dictionary in the scene; empty for a table that was not read.
   const std::string& origin() const { return origin_; }
 
  private:
-  struct Curve;
-  std::shared_ptr<const Curve> curve_;
+  struct Cells;
+  std::shared_ptr<const Cells> cells_;
   std::string origin_;
 };
 

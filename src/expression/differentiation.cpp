@@ -124,10 +124,8 @@ void Graph::findGrowth(const Entry& entry, Traits* made) const {
       stayBounded();
       break;
     case Operation::kTable:
-      if (tableOf(entry)->isBounded()) stayBounded();
-      break;
     case Operation::kTable2:
-      if (table2Of(entry)->isBounded()) stayBounded();
+      if (tableOf(entry)->isBounded()) stayBounded();
       break;
     case Operation::kLog:
     case Operation::kOpaque:  // not known otherwise
@@ -251,18 +249,12 @@ Node Graph::derivePower(Node node, Node da, Node db) {
 Node Graph::deriveTable(const Entry& it, Node da, Node db) {
   const Node a = {it.operands[0]};
   const Node b = {it.operands[1]};
-  if (it.operation == Operation::kTable) {
-    const std::shared_ptr<const Table> table = tableOf(it);
-    if (table->isBounded()) da = insideLimit(a, da);
-    return product(this->table(table, a, it.order[0] + 1), da);
-  }
-  const std::shared_ptr<const Table2> table = table2Of(it);
-  if (table->isBounded()) {
-    da = insideLimit(a, da);
-    db = insideLimit(b, db);
-  }
-  return add(product(table2(table, a, b, {it.order[0] + 1, it.order[1]}), da),
-             product(table2(table, a, b, {it.order[0], it.order[1] + 1}), db));
+  const std::shared_ptr<const Table> of = tableOf(it);
+  const bool has_two = it.operation == Operation::kTable2;
+  if (of->isBounded()) da = insideLimit(a, da);
+  if (of->isBounded() && has_two) db = insideLimit(b, db);
+  const Node by_b = has_two ? product(table(of, a, b, {it.order[0], it.order[1] + 1}), db) : db;
+  return add(product(table(of, a, b, {it.order[0] + 1, it.order[1]}), da), by_b);
 }
 
 std::shared_ptr<const OpaqueFunction> Graph::slopeOf(

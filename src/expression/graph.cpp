@@ -105,28 +105,18 @@ Node Graph::variable(int slot) {
   return intern(entry);
 }
 
-Node Graph::table(const std::shared_ptr<const Table>& table, Node x, int order) {
-  if (order > table->degree()) return constant(0.0);
-  if (isConstant(x)) return constant(table->derivative(order, constantValue(x)));
-  Entry entry;
-  entry.operation = Operation::kTable;
-  entry.operands[0] = x.index;
-  entry.slot = indexIn(tables_, table);
-  entry.order[0] = order;
-  return intern(entry);
-}
-
-Node Graph::table2(const std::shared_ptr<const Table2>& table, Node x, Node y,
-                   Table2::Order order) {
+Node Graph::table(const std::shared_ptr<const Table>& table, Node x, Node y, Table::Order order) {
+  const bool has_two = table->argumentCount() == 2;
   if (std::max(order.x, order.y) > table->degree()) return constant(0.0);
-  if (isConstant(x) && isConstant(y)) {
-    return constant(table->derivative(order, constantValue(x), constantValue(y)));
+  if (isConstant(x) && (!has_two || isConstant(y))) {
+    return constant(has_two ? table->derivative(order, constantValue(x), constantValue(y))
+                            : table->derivative(order.x, constantValue(x)));
   }
   Entry entry;
-  entry.operation = Operation::kTable2;
+  entry.operation = has_two ? Operation::kTable2 : Operation::kTable;
   entry.operands[0] = x.index;
-  entry.operands[1] = y.index;
-  entry.slot = indexIn(tables2_, table);
+  if (has_two) entry.operands[1] = y.index;
+  entry.slot = indexIn(tables_, table);
   entry.order[0] = order.x;
   entry.order[1] = order.y;
   return intern(entry);

@@ -45,13 +45,10 @@ std::vector<Passage> findPassages(const Graph& graph, const std::vector<Node>& n
   std::set<std::tuple<int, std::vector<double>, int>> found;
   for (const int i : graph.listReachable(nodes)) {
     const Graph::Entry& entry = graph.entry({i});
-    if (entry.operation == Operation::kTable) {
-      const Table& table = *graph.tableOf(entry);
-      found.emplace(entry.operands[0], table.points(), table.smoothness());
-    } else if (entry.operation == Operation::kTable2) {
-      const Table2& table = *graph.table2Of(entry);
-      found.emplace(entry.operands[0], table.pointsX(), table.smoothness());
-      found.emplace(entry.operands[1], table.pointsY(), table.smoothness());
+    if (entry.operation != Operation::kTable && entry.operation != Operation::kTable2) continue;
+    const Table& table = *graph.tableOf(entry);
+    for (int axis = 0; axis < table.argumentCount(); ++axis) {
+      found.emplace(entry.operands[axis], table.points(axis), table.smoothness());
     }
   }
   std::vector<Passage> passages;

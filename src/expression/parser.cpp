@@ -200,7 +200,7 @@ class Parser : private FormulaText {
     }
     endParenthesis();
     const int needed =
-        function != nullptr ? function->argument_count : tables_.at(name).argumentCount();
+        function != nullptr ? function->argument_count : tables_.at(name)->argumentCount();
     if (arguments.size() != static_cast<std::size_t>(needed)) {
       fail(where, kindOf(name) + " takes " + std::to_string(needed) +
                       (needed == 1 ? " argument" : " arguments") + ", not " +
@@ -306,10 +306,9 @@ class Parser : private FormulaText {
     return checked(value, where);
   }
 
-  Node applyTable(const NamedTable& table, const std::vector<Node>& arguments, std::size_t where) {
-    const Node value = table.of_two != nullptr
-                           ? graph_.table2(table.of_two, arguments[0], arguments[1])
-                           : graph_.table(table.of_one, arguments[0]);
+  Node applyTable(const std::shared_ptr<const Table>& table, const std::vector<Node>& arguments,
+                  std::size_t where) {
+    const Node value = graph_.table(table, arguments.front(), arguments.back());
     if (readsLinear(value)) failNotLinear(where, value);
     return checked(value, where);
   }

@@ -120,20 +120,18 @@ int SeriesCompiler::branch(Code code, const Graph::Entry& entry, int a) {
 
 int SeriesCompiler::table(const Graph::Entry& entry, int a) {
   SeriesProgram::Piece piece;
+  piece.table = graph_.tableOf(entry);
   const bool has_two = entry.operation == Operation::kTable2;
   Instruction it = instruction(has_two ? Code::kTable2 : Code::kTable, {a});
   piece.order[0] = entry.order[0];
   piece.order[1] = entry.order[1];
-  const int degree = has_two ? graph_.table2Of(entry)->degree() : graph_.tableOf(entry)->degree();
+  const int degree = piece.table->degree();
   piece.degree[0] = degree - entry.order[0];
   piece.degree[1] = has_two ? degree - entry.order[1] : 0;
   bool is_accelerated = made_.isAccelerated(a);
   if (has_two) {
     it.operands[1] = rowOf(entry.operands[1]);
     is_accelerated = is_accelerated || made_.isAccelerated(it.operands[1]);
-    piece.table2 = graph_.table2Of(entry);
-  } else {
-    piece.table = graph_.tableOf(entry);
   }
   it.state = static_cast<int>(made_.pieces_.size());
   made_.pieces_.push_back(piece);

@@ -95,7 +95,6 @@ class SeriesProgram {
   struct Piece {
     std::shared_ptr<const OpaqueFunction> function;
     std::shared_ptr<const Table> table;
-    std::shared_ptr<const Table2> table2;
     int order[2] = {};
     int degree[2] = {};  ///< of the remaining polynomial
   };

@@ -38,7 +38,9 @@ void SeriesProgram::addStructure(std::vector<int>* words) const {
   }
   count(pieces_.size());
   for (const Piece& piece : pieces_) {
-    words->insert(words->end(), {piece.table != nullptr ? 1 : 2, piece.degree[0], piece.degree[1]});
+    words->insert(words->end(),
+                  {piece.table != nullptr && piece.table->argumentCount() == 1 ? 1 : 2,
+                   piece.degree[0], piece.degree[1]});
   }
 }
 

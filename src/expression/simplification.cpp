@@ -179,9 +179,8 @@ Node Graph::make(Operation operation, Node a, Node b, Node c, Node d) {
 Node Graph::remake(const Entry& it, const Node (&operands)[4]) {
   switch (it.operation) {
     case Operation::kTable:
-      return table(tableOf(it), operands[0], it.order[0]);
     case Operation::kTable2:
-      return table2(table2Of(it), operands[0], operands[1], {it.order[0], it.order[1]});
+      return table(tableOf(it), operands[0], operands[1], {it.order[0], it.order[1]});
     case Operation::kOpaque:
       return opaque(opaqueOf(it), operands, it.order[0]);
     default:

@@ -36,8 +36,9 @@ Tape::Tape(const Graph& graph, const std::vector<Node>& outputs) {
     }
     it.has_constant_exponent =
         it.operation == Operation::kPower && graph.isConstant({entry.operands[1]});
-    if (it.operation == Operation::kTable) it.table = graph.tableOf(entry);
-    if (it.operation == Operation::kTable2) it.table2 = graph.table2Of(entry);
+    if (it.operation == Operation::kTable || it.operation == Operation::kTable2) {
+      it.table = graph.tableOf(entry);
+    }
     if (it.operation == Operation::kOpaque) it.function = graph.opaqueOf(entry);
     program_.push_back(std::move(it));
   }
@@ -48,7 +49,7 @@ double Tape::compute(const Instruction& it, const double* operands) {
     case Operation::kTable:
       return it.table->derivative(it.order[0], operands[0]);
     case Operation::kTable2:
-      return it.table2->derivative({it.order[0], it.order[1]}, operands[0], operands[1]);
+      return it.table->derivative({it.order[0], it.order[1]}, operands[0], operands[1]);
     case Operation::kOpaque: {
       if (it.order[0] == 0) return it.function->value(operands);
       double gradient[OpaqueFunction::kMostArguments] = {};

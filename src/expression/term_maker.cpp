@@ -142,7 +142,7 @@ class TermMaker {
       case Operation::kTable:
         return makeCall(derivativeOf(names_.tables.at(entry.slot), entry.order[0]), {operand(0)});
       case Operation::kTable2:
-        return makeCall(derivativeOf(names_.tables2.at(entry.slot), entry.order[0], entry.order[1]),
+        return makeCall(derivativeOf(names_.tables.at(entry.slot), entry.order[0], entry.order[1]),
                         {operand(0), operand(1)});
       case Operation::kSelect:
         return makeChoice(operand(0), operand(1), operand(2), operand(3));

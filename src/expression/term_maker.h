@@ -15,8 +15,7 @@ namespace variator_sim::expression {
 /// The names of variables, tables and nodes.
 struct Names {
   std::map<int, Symbol> variables;  ///< by slot
-  std::map<int, Symbol> tables;     ///< of one variable, by Graph::Entry::slot
-  std::map<int, Symbol> tables2;    ///< of two variables
+  std::map<int, Symbol> tables;     ///< by Graph::Entry::slot
   std::map<int, Symbol> nodes;      ///< by index: names of nodes that are used repeatedly
   std::set<std::string> taken;      ///< names that a1, a2, .. may not take
 };

@@ -96,8 +96,8 @@ Table::Points gridOf(const TableFile& file) {
 
 /// Reads a table of the columns that the keys of `names` name, by default those, in the file at
 /// `file`.
-NamedTable readFileTable(ParameterReader& reader, const Table::Shape& shape,
-                         const std::vector<std::pair<const char*, std::string>>& names) {
+Table readFileTable(ParameterReader& reader, const Table::Shape& shape,
+                    const std::vector<std::pair<const char*, std::string>>& names) {
   std::vector<TableFile::Column> columns;
   std::vector<std::string> named;
   for (const auto& [key, preset] : names) {
@@ -107,27 +107,24 @@ NamedTable readFileTable(ParameterReader& reader, const Table::Shape& shape,
   const std::vector<Unit> units = readUnits(reader, named);
   for (std::size_t i = 0; i < columns.size(); ++i) columns[i].unit = units[i];
   const TableFile file(reader.text("file"), reader.keyPath("file"), columns);
-  if (columns.size() == 3) {
-    return {nullptr, std::make_shared<Table2>(Table2::make(gridOf(file), shape, reader.path()))};
-  }
+  if (columns.size() == 3) return Table::make(gridOf(file), shape, reader.path());
   Table::Points points{file.numbers(0), {}, file.numbers(1), {}};
   points.fault = [&file](const char* column, std::size_t index, const std::string& message) {
     return file.fault(column[0] == 'x' ? 0 : 1, index, message);
   };
-  return {std::make_shared<Table>(Table::make(std::move(points), shape, reader.path())), nullptr};
+  return Table::make(std::move(points), shape, reader.path());
 }
 
 /// Returns the largest distance of a table from the straight lines between its points, along both
 /// axes, as a part of the range of its values.
-double calcCoarseness(const NamedTable& table) {
+double calcCoarseness(const Table& table) {
   constexpr int kParts = 4;
+  const bool has_two = table.argumentCount() == 2;
   const auto valueAt = [&](double x, double y) {
-    return table.of_two != nullptr ? table.of_two->value(x, y) : table.of_one->value(x);
+    return has_two ? table.value(x, y) : table.value(x);
   };
-  const std::vector<double> X =
-      table.of_two != nullptr ? table.of_two->pointsX() : table.of_one->points();
-  const std::vector<double> Y =
-      table.of_two != nullptr ? table.of_two->pointsY() : std::vector<double>{0.0};
+  const std::vector<double> X = table.points();
+  const std::vector<double> Y = has_two ? table.points(1) : std::vector<double>{0.0};
   double low = valueAt(X[0], Y[0]);
   double high = low;
   double off = 0.0;
@@ -152,28 +149,26 @@ double calcCoarseness(const NamedTable& table) {
 }
 
 /// Reads an input that is played from a file, a drive cycle, say.
-std::shared_ptr<const Table> readPlayed(ParameterReader& reader, const std::string& name) {
+Table readPlayed(ParameterReader& reader, const std::string& name) {
   reader.allow({"file", "x", "values", "units"});
-  return readFileTable(reader, readShape(reader, "linear"), {{"x", "time"}, {"values", name}})
-      .of_one;
+  return readFileTable(reader, readShape(reader, "linear"), {{"x", "time"}, {"values", name}});
 }
 
-NamedTable readTable(ParameterReader& reader, std::vector<std::string>* warnings) {
+Table readTable(ParameterReader& reader, std::vector<std::string>* warnings) {
   reader.allow({"file", "x", "y", "values", "units"});
   const Table::Shape shape = readShape(reader, "smooth");
   const bool has_two = reader.has("y");
-  NamedTable table;
+  Table table;
   if (reader.has("file")) {
     table = has_two ? readFileTable(reader, shape, {{"x", ""}, {"y", ""}, {"values", ""}})
                     : readFileTable(reader, shape, {{"x", ""}, {"values", ""}});
   } else if (has_two) {
     const std::vector<Unit> units = readUnits(reader, {"x", "y", "values"});
-    table.of_two = std::make_shared<Table2>(
-        Table2::read(reader, {"x", "y", "values", {units[0], units[1], units[2]}}, shape));
+    table = Table::read(reader, {"x", {}, units[0]}, {"y", {}, units[1]}, {"values", {}, units[2]},
+                        shape);
   } else {
     const std::vector<Unit> units = readUnits(reader, {"x", "values"});
-    table.of_one = std::make_shared<Table>(Table::read(reader, {"x", Range::any(), units[0]},
-                                                       {"values", Range::any(), units[1]}, shape));
+    table = Table::read(reader, {"x", {}, units[0]}, {"values", {}, units[1]}, shape);
   }
   constexpr double kCoarse = 0.05;
   const double coarseness = reader.has("interpolation") ? 0.0 : calcCoarseness(table);
@@ -198,7 +193,7 @@ SceneSymbols readSceneSymbols(ParameterReader& root, const SceneNames& names,
   for (const std::string& name : names.inputs) {
     ParameterReader reader = root.section(name);
     if (reader.has("file")) {
-      symbols.played[name] = readPlayed(reader, name);
+      symbols.played[name] = std::make_shared<const Table>(readPlayed(reader, name));
       reader.finish();
       continue;
     }
@@ -208,7 +203,7 @@ SceneSymbols readSceneSymbols(ParameterReader& root, const SceneNames& names,
   }
   for (const std::string& name : names.tables) {
     ParameterReader reader = root.section(name);
-    symbols.tables[name] = readTable(reader, warnings);
+    symbols.tables[name] = std::make_shared<const Table>(readTable(reader, warnings));
     reader.finish();
   }
   return symbols;

@@ -1,7 +1,7 @@
 #include "variator_sim/table.h"
 
-#include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "model/table_axis.h"
@@ -11,60 +11,8 @@ namespace {
 
 using Numbers = std::vector<double>;
 
-/// Slopes s and second derivatives q at the points, as the header states them.
-struct Derivatives {
-  Numbers s;
-  Numbers q;
-};
-
-/// Returns the slope of a point between intervals of slopes d_l, d_r and widths h_l, h_r.
-double limitedSlope(double d_l, double d_r, double h_l, double h_r) {
-  if (!(d_l * d_r > 0.0)) return 0.0;
-  const double steepest = 1.25 * std::min(std::abs(d_l), std::abs(d_r));
-  // Weights first: no product of a slope and a width can overflow.
-  const double s = d_l * (h_r / (h_l + h_r)) + d_r * (h_l / (h_l + h_r));
-  return std::copysign(std::min(std::abs(s), steepest), d_l);
-}
-
-/// Limits q, which stands at the left end (side = 1) or at the right end (side = -1) of an interval
-/// of slope d and width h, where the slope is s: with sigma the sign of d,
-///     -4 sigma s / h  <=  side sigma q  <=  sigma (10 d - 8 s) / h.
-/// A flat interval (d = 0, so s = 0) leaves q = 0.
-double limitedCurvature(double q, double side, double s, double d, double h) {
-  const double sign = d > 0.0 ? side : -side;
-  const double lowest = -4.0 * std::abs(s) / h;
-  const double highest = (10.0 * std::abs(d) - 8.0 * std::abs(s)) / h;
-  return sign * std::min(highest, std::max(lowest, sign * q));
-}
-
-Derivatives calcDerivatives(const Numbers& x, const Numbers& y, Table::Beyond beyond) {
-  const std::size_t n = x.size();
-  Numbers h(n - 1);
-  Numbers d(n - 1);
-  for (std::size_t k = 0; k + 1 < n; ++k) {
-    h[k] = x[k + 1] - x[k];
-    d[k] = (y[k + 1] - y[k]) / h[k];
-  }
-  Derivatives at{Numbers(n, 0.0), Numbers(n, 0.0)};
-  if (beyond == Table::Beyond::kLinear) {
-    at.s.front() = d.front();
-    at.s.back() = d.back();
-  }
-  for (std::size_t k = 1; k + 1 < n; ++k) {
-    const double s = limitedSlope(d[k - 1], d[k], h[k - 1], h[k]);
-    double q = 2.0 * (d[k] - d[k - 1]) / (h[k - 1] + h[k]);
-    // Both intervals allow q = 0, so the second limit does not violate the first one.
-    q = limitedCurvature(q, -1.0, s, d[k - 1], h[k - 1]);
-    q = limitedCurvature(q, 1.0, s, d[k], h[k]);
-    at.s[k] = s;
-    at.q[k] = q;
-  }
-  return at;
-}
-
-}  // namespace
-
-Numbers readColumn(ParameterReader& reader, const Table::Column& column, std::size_t size) {
+/// Reads a list in SI units: `size` numbers, or any number from two on when it is 0.
+Numbers readColumn(ParameterReader& reader, const Table::Column& column, std::size_t size = 0) {
   if (size == 0) {
     constexpr const char* kWanted = "a list of at least 2 numbers";
     const ParameterTree& list = reader.require(column.key, kWanted);
@@ -90,30 +38,52 @@ void checkIncreasing(const Numbers& x, const char* column, const Table::Points::
   }
 }
 
-struct Table::Curve {
-  TableAxis axis;
-  std::vector<TableCell> cells;
-  Interpolation interpolation;
-};
-
-Table Table::read(ParameterReader& reader, const Column& x, const Column& y, const Shape& shape) {
-  reader.allow(x.key);
-  reader.allow(y.key);
-  Points points;
-  points.x = readColumn(reader, x);
-  points.values = readColumn(reader, y, points.x.size());
-  points.fault = [&](const char* column, std::size_t index, const std::string& message) {
-    const char* const key = column[0] == 'x' ? x.key : y.key;
-    return SceneError(elementPath(reader.keyPath(key), index), message);
-  };
-  return make(std::move(points), shape, reader.path());
+/// The products of the intervals of both axes are numbers, too.
+void checkIntervals(const Numbers& x, const char* column, const Table::Points::Fault& fault) {
+  for (std::size_t k = 1; k < x.size(); ++k) {
+    if (x[k] - x[k - 1] < 1e100 && x[k] - x[k - 1] > 1e-100) continue;
+    throw fault(column, k,
+                formatNumber(x[k]) + " behind " + formatNumber(x[k - 1]) +
+                    "; allowed: intervals from 1e-100 to 1e100");
+  }
 }
 
-Table Table::make(Points points, const Shape& shape, const std::string& origin) {
+/// Reads the values of a grid, row by row.
+Numbers readRows(ParameterReader& reader, const Table::Column& x, const Table::Column& y,
+                 const Table::Column& z, std::size_t rows, std::size_t columns) {
+  const std::string path = reader.keyPath(z.key);
+  const ParameterTree* list = reader.raw(z.key);
+  const std::string expected = "a list of " + std::to_string(rows) + " rows, one for each of " +
+                               x.key + ", of " + std::to_string(columns) +
+                               " numbers, one for each of " + y.key;
+  if (list == nullptr) throw SceneError(path, "missing; expected " + expected);
+  const auto size_of = [](const ParameterTree& value) {
+    return value.kind() == ParameterTree::Kind::kList ? value.asList().size() : 0;
+  };
+  if (size_of(*list) != rows) {
+    throw SceneError(path, list->kind() == ParameterTree::Kind::kList
+                               ? std::to_string(size_of(*list)) + " rows; expected " + expected
+                               : list->toText() + "; expected " + expected);
+  }
+  Numbers values;
+  for (std::size_t i = 0; i < rows; ++i) {
+    const std::string row_path = elementPath(path, i);
+    const ParameterTree& row = list->asList()[i];
+    if (size_of(row) != columns) {
+      throw SceneError(row_path, row.toText() + "; expected " + expected);
+    }
+    for (std::size_t j = 0; j < columns; ++j) {
+      values.push_back(z.unit.toSi(ParameterReader::toNumber(
+          row.asList()[j], elementPath(row_path, j), Range::between(-1e100, 1e100))));
+    }
+  }
+  return values;
+}
+
+void checkSteepness(const Table::Points& points, const TableAxis& axis) {
   const Numbers& x = points.x;
   const Numbers& y = points.values;
-  checkIncreasing(x, "x", points.fault);
-  const Derivatives at = calcDerivatives(x, y, shape.beyond);
+  const TableDerivatives at = calcDerivatives(axis, y, true);
   for (std::size_t k = 0; k < x.size(); ++k) {
     const std::size_t before = k == 0 ? 0 : k - 1;
     const double h = x[k] - x[before];
@@ -127,60 +97,120 @@ Table Table::make(Points points, const Shape& shape, const std::string& origin) 
             (k + 1 < x.size() ? ", before " + point(k + 1) : "") +
             ": the table is too steep or too wide here; allowed: slopes and intervals below 1e150");
   }
-  Table table = through(std::move(points.x), y, shape);
+}
+
+/// Returns the error at an entry of the lists `x` and, for other columns, `y`.
+Table::Points::Fault faultIn(const ParameterReader& reader, const Table::Column& x,
+                             const Table::Column& y) {
+  return [&](const char* column, std::size_t index, const std::string& message) {
+    const char* const key = column[0] == 'x' ? x.key : y.key;
+    return SceneError(elementPath(reader.keyPath(key), index), message);
+  };
+}
+
+}  // namespace
+
+/// The polynomials of a table: one for each cell of one variable, kDegree + 1 of y for each cell of
+/// two, row by row.
+struct Table::Cells {
+  TableAxis x;
+  std::optional<TableAxis> y;
+  std::vector<TableCell> polynomials;
+  Interpolation interpolation;
+};
+
+Table Table::read(ParameterReader& reader, const Column& x, const Column& y, const Shape& shape) {
+  reader.allow({x.key, y.key});
+  Points points;
+  points.x = readColumn(reader, x);
+  points.values = readColumn(reader, y, points.x.size());
+  points.fault = faultIn(reader, x, y);
+  return make(std::move(points), shape, reader.path());
+}
+
+Table Table::read(ParameterReader& reader, const Column& x, const Column& y, const Column& z,
+                  const Shape& shape) {
+  reader.allow({x.key, y.key, z.key});
+  Points points;
+  points.x = readColumn(reader, x);
+  points.y = readColumn(reader, y);
+  points.values = readRows(reader, x, y, z, points.x.size(), points.y.size());
+  points.fault = faultIn(reader, x, y);
+  return make(std::move(points), shape, reader.path());
+}
+
+Table Table::make(Points points, const Shape& shape, const std::string& origin) {
+  const bool is_flat = shape.beyond == Beyond::kConstant;
+  const bool has_two = !points.y.empty();
+  checkIncreasing(points.x, "x", points.fault);
+  Table table;
+  if (has_two) {
+    checkIntervals(points.x, "x", points.fault);
+    checkIncreasing(points.y, "y", points.fault);
+    checkIntervals(points.y, "y", points.fault);
+    const TableAxis x(std::move(points.x), is_flat);
+    const TableAxis y(std::move(points.y), is_flat);
+    table.cells_ = std::make_shared<const Cells>(
+        Cells{x, y, makePatches(x, y, points.values, shape.interpolation), shape.interpolation});
+  } else {
+    checkSteepness(points, TableAxis(points.x, is_flat));
+    table = through(std::move(points.x), points.values, shape);
+  }
   table.origin_ = origin;
   return table;
 }
 
 Table Table::through(Numbers x, const Numbers& y, const Shape& shape) {
-  const bool is_smooth = shape.interpolation == Interpolation::kSmooth;
-  const bool is_line = shape.interpolation == Interpolation::kLinear;
-  const Derivatives at = calcDerivatives(x, y, shape.beyond);
-  const std::size_t n = x.size();
-  std::vector<TableCell> cells(n + 1);
-  cells[0] = {y.front(), at.s.front()};
-  for (std::size_t k = 1; k < n; ++k) {
-    if (is_smooth) {
-      cells[k] = hermiteCell(x[k] - x[k - 1], {y[k - 1], y[k]}, {at.s[k - 1], at.s[k]},
-                             {at.q[k - 1], at.q[k]});
-    } else {
-      cells[k] = {y[k - 1], is_line ? y[k] - y[k - 1] : 0.0};
-    }
-  }
-  cells[n] = {y.back(), at.s.back()};
+  const TableAxis axis(std::move(x), shape.beyond == Beyond::kConstant);
   Table table;
-  table.curve_ = std::make_shared<const Curve>(
-      Curve{TableAxis(std::move(x), shape.beyond == Beyond::kConstant), std::move(cells),
-            shape.interpolation});
+  table.cells_ = std::make_shared<const Cells>(
+      Cells{axis, {}, makeCells(axis, y, shape.interpolation), shape.interpolation});
   return table;
 }
 
 double Table::derivative(int order, double x) const {
-  if (!curve_ || order > kTableDegree) return std::isnan(x) ? x : 0.0;
+  if (!cells_ || order > kDegree) return std::isnan(x) ? x : 0.0;
   // A smooth step is constant nearly all the time.
-  const TableAxis& axis = curve_->axis;
+  const TableAxis& axis = cells_->x;
+  const std::vector<TableCell>& cells = cells_->polynomials;
   const bool is_below = x < axis.points().front();
   if (axis.isFlatBeyond() && (is_below || x >= axis.points().back())) {
-    return order > 0 ? 0.0 : (is_below ? curve_->cells.front() : curve_->cells.back())[0];
+    return order > 0 ? 0.0 : (is_below ? cells.front() : cells.back())[0];
   }
   const TableAxis::Place at = axis.find(x);
-  double value = evaluateCell(curve_->cells[at.cell], at.t, order);
+  double value = evaluateCell(cells[at.cell], at.t, order);
   for (int k = 0; k < order; ++k) value *= at.scale;
   return value;
 }
 
-std::vector<double> Table::points() const {
-  return curve_ ? curve_->axis.points() : std::vector<double>{};
+double Table::derivative(Order order, double x, double y) const {
+  const TableAxis::Place in_x = cells_->x.find(x);
+  const TableAxis::Place in_y = cells_->y->find(y);
+  if (order.x > kDegree || order.y > kDegree) return 0.0 * (in_x.t + in_y.t);
+  const TableCell* const patch =
+      &cells_->polynomials[(in_x.cell * cells_->y->cellCount() + in_y.cell) * (kDegree + 1)];
+  TableCell along_x{};
+  for (int m = order.x; m <= kDegree; ++m) {
+    along_x[static_cast<std::size_t>(m)] = evaluateCell(patch[m], in_y.t, order.y);
+  }
+  double value = evaluateCell(along_x, in_x.t, order.x);
+  for (int k = 0; k < order.x; ++k) value *= in_x.scale;
+  for (int k = 0; k < order.y; ++k) value *= in_y.scale;
+  return std::isnan(in_x.t) || std::isnan(in_y.t) ? in_x.t + in_y.t : value;
 }
 
-int smoothnessOf(Interpolation interpolation) {
-  return interpolation == Interpolation::kSmooth   ? 3
-         : interpolation == Interpolation::kLinear ? 1
-                                                   : 0;
+int Table::argumentCount() const {
+  return cells_ && cells_->y ? 2 : 1;
+}
+
+std::vector<double> Table::points(int axis) const {
+  if (!cells_) return {};
+  return (axis == 0 ? cells_->x : *cells_->y).points();
 }
 
 int Table::smoothness() const {
-  return curve_ ? smoothnessOf(curve_->interpolation) : 3;
+  const Interpolation its = cells_ ? cells_->interpolation : Interpolation::kSmooth;
+  return its == Interpolation::kSmooth ? 3 : its == Interpolation::kLinear ? 1 : 0;
 }
 
 int Table::degree() const {
@@ -188,7 +218,7 @@ int Table::degree() const {
 }
 
 bool Table::isBounded() const {
-  return !curve_ || curve_->axis.isFlatBeyond();
+  return !cells_ || cells_->x.isFlatBeyond();
 }
 
 }  // namespace variator_sim

@@ -58,16 +58,22 @@ class TableAxis {
   bool is_flat_beyond_ = true;
 };
 
-/// Reads the list at `key` in SI units: `size` numbers, or any number from two on when it is 0.
-std::vector<double> readColumn(ParameterReader& reader, const Table::Column& column,
-                               std::size_t size = 0);
+/// Slopes s and second derivatives q at the points, as table.h states them.
+struct TableDerivatives {
+  std::vector<double> s;
+  std::vector<double> q;
+};
+/// `is_limited`: as of a table of one variable.
+TableDerivatives calcDerivatives(const TableAxis& axis, const std::vector<double>& y,
+                                 bool is_limited);
 
-/// Throws SceneError unless the numbers of `column` are in strictly increasing order.
-void checkIncreasing(const std::vector<double>& x, const char* column,
-                     const Table::Points::Fault& fault);
-
-/// Returns Table::smoothness.
-int smoothnessOf(Interpolation interpolation);
+/// Returns the polynomials of a table of one variable.
+std::vector<TableCell> makeCells(const TableAxis& axis, const std::vector<double>& y,
+                                 Interpolation interpolation);
+/// Returns those of one of two variables, with the values z row by row, in t: of a cell of both
+/// axes kTableDegree + 1 polynomials in u, the coefficients of t^m.
+std::vector<TableCell> makePatches(const TableAxis& x, const TableAxis& y,
+                                   const std::vector<double>& z, Interpolation interpolation);
 
 /// Returns n!/(n - order)!.
 inline double fallingFactorial(int n, int order) {
@@ -93,23 +99,6 @@ inline double evaluateCell(const TableCell& c, double t, int order) {
     sum = sum * t + fallingFactorial(n, order) * c[static_cast<std::size_t>(n)];
   }
   return sum;
-}
-
-/// Returns the polynomial with the values y, slopes s and second derivatives q at the ends of a
-/// cell of width h.
-inline TableCell hermiteCell(double h, const double (&y)[2], const double (&s)[2],
-                             const double (&q)[2]) {
-  const double rise = y[1] - y[0];
-  const double s0 = h * s[0];
-  const double s1 = h * s[1];
-  const double q0 = h * h * q[0];
-  const double q1 = h * h * q[1];
-  return {y[0],
-          s0,
-          0.5 * q0,
-          10.0 * rise - 6.0 * s0 - 4.0 * s1 - 1.5 * q0 + 0.5 * q1,
-          -15.0 * rise + 8.0 * s0 + 7.0 * s1 + 1.5 * q0 - q1,
-          6.0 * rise - 3.0 * (s0 + s1) - 0.5 * (q0 - q1)};
 }
 
 }  // namespace variator_sim

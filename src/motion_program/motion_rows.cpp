@@ -146,10 +146,10 @@ MotionRows::DenseTable MotionRows::cut(const Piece& piece) {
 }
 
 MotionRows::DenseTable MotionRows::cutTwo(const Piece& piece) {
-  const Table2& table = *piece.table2;
-  DenseTable made = {table.origin(), {table.pointsX(), table.pointsY()}, {}};
-  forEachPiece(table.pointsX(), [&](double /*x*/, double inside_x) {
-    forEachPiece(table.pointsY(), [&](double /*y*/, double inside_y) {
+  const Table& table = *piece.table;
+  DenseTable made = {table.origin(), {table.points(0), table.points(1)}, {}};
+  forEachPiece(made.points[0], [&](double /*x*/, double inside_x) {
+    forEachPiece(made.points[1], [&](double /*y*/, double inside_y) {
       for (int i = 0; i <= Table::kDegree; ++i) {
         for (int j = 0; j <= Table::kDegree; ++j) {
           const int m = piece.order[0] + i;

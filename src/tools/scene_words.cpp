@@ -113,10 +113,10 @@ void nameTables(const Scene& scene, Register& free, Names& names) {
   const Graph& graph = *scene.graph;
   for (int n = 0; n < graph.size(); ++n) {
     const Graph::Entry& entry = graph.entry({n});
-    if (entry.operation == Operation::kTable && names.tables.count(entry.slot) == 0) {
+    const bool is_table =
+        entry.operation == Operation::kTable || entry.operation == Operation::kTable2;
+    if (is_table && names.tables.count(entry.slot) == 0) {
       names.tables[entry.slot] = name(graph.tableOf(entry)->origin());
-    } else if (entry.operation == Operation::kTable2 && names.tables2.count(entry.slot) == 0) {
-      names.tables2[entry.slot] = name(graph.table2Of(entry)->origin());
     }
   }
 }
@@ -177,13 +177,13 @@ std::string describePoints(const Table& table) {
          (table.isBounded() ? ", constant beyond" : ", straight on beyond");
 }
 
-std::string describePoints(const Table2& table) {
+std::string describeGrid(const Table& table) {
   const auto range = [](const std::vector<double>& x) {
     return std::to_string(x.size()) + " from " + expression::toShortText(x.front()) + " to " +
            expression::toShortText(x.back());
   };
-  return "table of two variables over " + range(table.pointsX()) + ", and " +
-         range(table.pointsY()) +
+  return "table of two variables over " + range(table.points(0)) + ", and " +
+         range(table.points(1)) +
          (table.isBounded() ? ", constant beyond" : ", straight on beyond");
 }
 
@@ -250,7 +250,7 @@ std::vector<Words> describeThings(const Scene& scene, const Names& names,
     if (entry.operation == Operation::kTable) {
       describe(names.tables.at(entry.slot), "(x)", describePoints(*graph.tableOf(entry)));
     } else if (entry.operation == Operation::kTable2) {
-      describe(names.tables2.at(entry.slot), "(x, y)", describePoints(*graph.table2Of(entry)));
+      describe(names.tables.at(entry.slot), "(x, y)", describeGrid(*graph.tableOf(entry)));
     }
   }
   if (known.size() > inputs) {

@@ -13,7 +13,6 @@
 
 #include "variator_sim/expression/opaque_function.h"
 #include "variator_sim/table.h"
-#include "variator_sim/table2.h"
 
 namespace variator_sim::expression {
 
@@ -104,9 +103,10 @@ class Graph {
   Node power(Node base, Node exponent);
   Node minimum(Node a, Node b) { return make(Operation::kMin, a, b); }
   Node maximum(Node a, Node b) { return make(Operation::kMax, a, b); }
-  /// The derivative of this order of a table at x; 0 if the order exceeds that of its polynomials.
-  Node table(const std::shared_ptr<const Table>& table, Node x, int order = 0);
-  Node table2(const std::shared_ptr<const Table2>& table, Node x, Node y, Table2::Order order = {});
+  /// The derivative of this order of a table at x or (x, y); 0 if the order exceeds that of its
+  /// polynomials.
+  Node table(const std::shared_ptr<const Table>& table, Node x, Node y = {},
+             Table::Order order = {});
   /// `function` of as many `arguments` as it has, or its derivative by argument `by`, counted
   /// from 1. The derivatives of a derivative are differences (opaque_slope.h).
   Node opaque(const std::shared_ptr<const OpaqueFunction>& function, const Node (&arguments)[4],
@@ -152,9 +152,6 @@ class Graph {
   /// The table of an entry of kTable or kTable2.
   const std::shared_ptr<const Table>& tableOf(const Entry& entry) const {
     return tables_[static_cast<std::size_t>(entry.slot)];
-  }
-  const std::shared_ptr<const Table2>& table2Of(const Entry& entry) const {
-    return tables2_[static_cast<std::size_t>(entry.slot)];
   }
   /// The function of an entry of kOpaque.
   const std::shared_ptr<const OpaqueFunction>& opaqueOf(const Entry& entry) const {
@@ -241,7 +238,6 @@ class Graph {
   std::vector<Traits> traits_;  ///< traits of the entries
   std::unordered_map<Entry, int, EntryHash, EntryEqual> index_of_;
   std::vector<std::shared_ptr<const Table>> tables_;
-  std::vector<std::shared_ptr<const Table2>> tables2_;
   std::vector<std::shared_ptr<const OpaqueFunction>> functions_;
   std::map<std::pair<int, double>, Derivatives> partials_;  ///< by slot and scale
   int operands_ = 0;                                        ///< operands of formulas as written

@@ -82,7 +82,6 @@ class Tape {
     std::size_t operands[4];  ///< places of values
     std::size_t result;
     std::shared_ptr<const Table> table;
-    std::shared_ptr<const Table2> table2;
     std::shared_ptr<const OpaqueFunction> function;
   };
 
