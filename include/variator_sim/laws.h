@@ -1,5 +1,5 @@
 /// The constraints and torques of this package. The file of its name in src/laws states each one's
-/// equations, units, keys and sources.
+/// equations and sources; doc/scene.md has their keys.
 #pragma once
 
 #include "variator_sim/constraint.h"

@@ -3,8 +3,6 @@
 // The simplest constraint that is nonlinear in the accelerations; its motion is known in closed
 // form (doc/theory.md). A start at rest needs `initial/acceleration`, or torques that decide where
 // on the circle it begins.
-//
-// Keys: `shafts` [a, b], `magnitude` a > 0 (rad/s^2).
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

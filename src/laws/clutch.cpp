@@ -6,9 +6,6 @@
 //     Q_a += T,   Q_b += -i T;   of a brake Q += -T.
 // Sliding, it takes the power T w >= 0 out of the drivetrain.
 //
-// Keys: `shafts` [a, b] with `ratio` i (default 1, not 0), of a brake `shaft`; `capacity` c (N m),
-// `static` p >= 1 (default 1), `initial` (auto | stuck | slipping).
-//
 // Source: Otter, Elmqvist, Mattsson: Hybrid modeling in Modelica based on the synchronous data flow
 // principle, CACSD 1999; the limits and what follows behind them are those of Coulomb's law alone.
 #include "laws/gear_keys.h"

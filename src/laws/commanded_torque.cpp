@@ -1,7 +1,4 @@
 // Q[shaft] += gain u,   Q'[shaft] += gain u'.
-//
-// Keys: `shaft`, `gain` (default 1) and those of `readCommandInput`. `min`, `max` and `rate` mean
-// the command u, before the gain.
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

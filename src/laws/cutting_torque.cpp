@@ -7,10 +7,6 @@
 // S(x) = 10 x^3 - 15 x^4 + 6 x^5 between 0 and 1: two times continuously differentiable. The cut
 // enters from t_b to t_b + h and leaves from t_e to t_e + h; without `end` it does not leave.
 //
-// Keys: `shaft`, `torque` T >= 0 (N m), `begin` t_b (s), `ramp` h > 0 (s), `end` t_e >= t_b + h
-// (s, optional), `tooth_passing` (optional): {`teeth` z >= 1 (an integer), `amplitude` a from 0 to
-// 1, `phase` beta (rad, default 0)}, `regularization_speed` w_0 > 0 (rad/s, default 0.1).
-//
 // Source: Altintas: Manufacturing Automation (2012), chapter 2 (mean torque and tooth passing in
 // milling); T by Kienzle's law, VDI-Zeitschrift 94 (1952) 299: T = k_c1.1 b h^(1-m) d/2.
 #include <cmath>

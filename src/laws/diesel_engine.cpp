@@ -12,12 +12,6 @@
 // law does not stall the engine: let the table fall to 0 towards speed 0, and towards the speed at
 // which the fuel is cut.
 //
-// Keys: `shaft`, `full_load`: {`speed` (rad/s, increasing), `torque` >= 0 (N m)}, `rack` u
-// (from 0 to 1), and optionally
-//   `friction`: {`constant` F_0 >= 0 (N m), `linear` F_1 >= 0 (N m s/rad, default 0),
-//                `regularization_speed` w_0 > 0 (rad/s, default 1)}
-//   `idle_governor`: {`speed` w_i > 0 (rad/s), `band` b > 0 (rad/s)}
-//
 // Source: Guzzella, Onder: Introduction to Modeling and Control of Internal Combustion Engine
 // Systems (2010), chapter 2 (mean values, friction over speed); the smooth governor is ours.
 #include "variator_sim/laws.h"

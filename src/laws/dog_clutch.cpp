@@ -2,9 +2,6 @@
 //     i omega_b - omega_a = 0
 // whatever torque that needs. It closes while it is engaged and the slip is low, by an impact, and
 // opens when it is no longer engaged.
-//
-// Keys: `shafts` [a, b], `ratio` i (default 1, not 0); `engaged`, above 0.5 or not; `engage_below`,
-// the largest slip at which it closes (rad/s).
 #include "laws/gear_keys.h"
 #include "variator_sim/laws.h"
 

@@ -11,10 +11,6 @@
 //     T = +-(k q + clamp(c q', -k q, k q)),
 // continuous at the contact, with at most twice the torque of the spring.
 //
-// Keys: `shafts` [a, b] with `ratio` i, not 0 (default 1; negative: the shafts turn against each
-// other), or `shaft`; `stiffness` k > 0 (N m/rad), `damping` c >= 0 (N m s/rad, default 0), `gap` g
-// >= 0 (rad, default 0).
-//
 // Source: the Kelvin-Voigt link of torsional vibration; Dresig, Holzweissig: Dynamics of Machinery
 // (2010), chapter 4.
 #include "laws/gear_keys.h"

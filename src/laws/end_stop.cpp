@@ -2,9 +2,6 @@
 // restitution:
 //     phi >= lower,  T_lower >= 0,  omega+ = -e omega- at phi = lower
 //     phi <= upper,  T_upper <= 0,  omega+ = -e omega- at phi = upper
-//
-// Keys: `shaft`; `lower`, `upper` (rad, one of them or both); `restitution` e in [0, 1] (default
-// 0).
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

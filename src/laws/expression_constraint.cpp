@@ -1,10 +1,4 @@
 // A constraint that the scene states as a formula; its derivatives are exact.
-//
-// Keys: `order` (1, 2 or 3), `expression` (f, psi or C eta + c0, in its own unit; names t, phi1..,
-// w1.., from order 2 on e1.., in order 3 j1.. linearly, those with the names of shafts, inputs,
-// tables and the parameters), `parameters` (optional dictionary of numbers). It must depend on its
-// highest derivatives: w, e or j. `reaction` {SHAFT: D, ..}: formulas of t, phi.., w.. and inputs;
-// the reaction is D' lambda instead of that along the gradient, 0 on shafts that are not named.
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/laws.h"

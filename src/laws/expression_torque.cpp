@@ -1,9 +1,4 @@
 // A torque Q(t, phi, omega) on one shaft that the scene states as a formula; its rate is exact.
-//
-// Keys: `shaft`, `torque` (N m, positive accelerates; names t, phi1.., w1.., those with the names
-// of shafts, the scene's inputs and tables, and the parameters), `parameters` (optional dictionary
-// of numbers, all of which it has to read), `reaction_on` (optional: another shaft, on which the
-// opposite torque acts).
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/laws.h"
 

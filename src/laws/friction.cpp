@@ -9,10 +9,6 @@
 // inertia J is about J w_0/T_s there: choose w_0 with regard to both. It takes the power T w >= 0
 // out of the drivetrain.
 //
-// Keys: `shaft`, or `shafts` [a, b] with `ratio` i (default 1, not 0); `coulomb` T_c >= 0 (N m,
-// default 0), `static` T_s >= T_c (N m, default T_c), `stribeck_speed` w_s > 0 (rad/s), `viscous` b
-// >= 0 (N m s/rad, default 0), `regularization_speed` w_0 > 0 (rad/s; without it it sticks).
-//
 // Source: Armstrong-Helouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and
 // compensation methods for the control of machines with friction, Automatica 30 (1994) 1083-1138.
 #include <algorithm>

@@ -7,9 +7,6 @@
 // it has (its initial one, if that is not 0). After Arkhangel'skii, Gorin: Questions of finding
 // optimal motions of kinematically controlled systems, in: Stepless transmissions, Yaroslavl 1984,
 // 54-58 (in Russian): the idea; the profile is our choice.
-//
-// Keys: `shaft`, and either `jerk` j (rad/s^3: a number, a table over time, or commanded with any
-// hold) or `velocity_change` Delta (rad/s), `duration` T > 0 (s), `start` t_0 >= 0 (s, default 0).
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

@@ -3,9 +3,6 @@
 // Near the target a it approaches like exp(-t/tau); far away the jerk is +-j. A target that steps
 // is thus a start without a jolt. After the kinematically controlled starts of Arkhangel'skii and
 // Gorin (see ImposedJerk); the law is our choice.
-//
-// Keys: `shaft`, `limit` j > 0 (rad/s^3), `time_constant` tau > 0 (s), `acceleration` a (rad/s^2:
-// a number, a table over time, or commanded with any hold).
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

@@ -13,11 +13,6 @@
 // (self-locking). Source: Pelchen, Schweiger, Otter: Modeling and simulating the efficiency of
 // gearboxes and of planetary gearboxes, 2nd Int. Modelica Conference 2002, 257-266; e_1 and e_2 are
 // their mesh efficiencies, b_1 and b_2 their bearing torques, on a.
-//
-// Keys: `shafts` [a, b], `ratio` i (a number, a formula, a table over time, or commanded through
-// `second_order_lag`: f is differentiated twice, and so is i); `efficiency` {driving e_1, driven
-// e_2} in (0, 1], `bearing` {driving b_1, driven b_2} (N m), or one value for both; `reaction`
-// (lossless | gradient).
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

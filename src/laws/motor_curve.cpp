@@ -17,14 +17,6 @@
 //              M = k (U - k w)/R            k torque constant, R resistance of the armature
 //              Q' = d k (U' - k d epsilon)/R
 //          Source: Fitzgerald, Kingsley, Umans: Electric Machinery, chapter 7.
-//
-// Keys: `shaft`, `characteristic`, `direction` (1 or -1, default 1), `command` (optional,
-// from 0 to 1; not with `voltage`), and
-//   kloss  `breakdown_torque` > 0 (N m), `synchronous_speed` > 0 (rad/s), `critical_slip` > 0
-//   table  `table`: {`speed` (rad/s, increasing), `torque` (N m), `beyond`: constant | linear}
-//   dc     `stall_torque` > 0 (N m), `no_load_speed` > 0 (rad/s), or
-//          `torque_constant` k > 0 (N m/A = V s/rad), `resistance` R > 0 (ohm), `voltage` U (V: a
-//          number or a commanded input)
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

@@ -4,9 +4,6 @@
 //     stuck    w = 0:  T <= p c is what holds it                           N m
 //     Q_a += T,   Q_b += -i T;   on one shaft Q += -T.
 // A state with w < 0 becomes one with w = 0 by an impact.
-//
-// Keys: `shafts` [a, b] with `ratio` i (default 1, not 0), or `shaft`; `capacity` c >= 0, a drag (N
-// m, default 0), `static` p >= 1 (default 1), `initial` (auto | stuck | slipping).
 #include "laws/gear_keys.h"
 #include "variator_sim/laws.h"
 

@@ -9,10 +9,6 @@
 //     psi = p_b - m p_a + n (sqrt(p_a^2 + p_0^2) - p_0),  m = (1/eta + eta)/2, n = (1/eta - eta)/2
 // Both leave C = 0 at rest, where power decides nothing: the scene has to start in motion.
 // Own formulation; J are those of the scene's shafts (constant inertia).
-//
-// Keys: `shafts` [a, b], `inertias` [J_a, J_b] > 0 (kg m^2), and either `power` P (W: a number, a
-// table over time, or commanded with any hold) or `efficiency` 0 < eta <= 1 with
-// `smoothing_power` p_0 > 0 (W).
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

@@ -11,13 +11,6 @@
 // turns round (but for an inflow, where it would jump: there w_0 has to be given). With a
 // `regularization_speed` w_0 > 0 the law is smooth, a(w) = w^2/sqrt(w^2 + w_0^2), and differs from
 // the exact one by the part (w_0/w)^2/2.
-//
-// Keys: `shaft`, either
-//   `coefficient` k >= 0 (N m s^2/rad^2), or
-//   `torque_coefficient` K_Q0 >= 0, `diameter` D > 0 (m), `density` rho > 0 (kg/m^3, default 1025:
-//   sea water), and optionally `advance`: {`speed` V (m/s, any sign: the ship's speed less the
-//   wake), `slope` K_Q1 >= 0}
-// and `regularization_speed` w_0 >= 0 (rad/s, default 0; > 0 and not optional with `advance`).
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

@@ -3,9 +3,6 @@
 // With i constant the slip omega_b - i omega_a decays as exp(-t/tau), whatever the torques. A
 // commanded i that jumps moves the accelerations as a jump of torque does: tau > 0 leaves the
 // speeds as they are. Own formulation: slip of first order, the simplest law linear in epsilon.
-//
-// Keys: `shafts` [a, b], `time_constant` tau > 0 (s), `ratio` i (a number, a table over time, or
-// commanded with any hold).
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

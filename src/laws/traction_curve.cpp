@@ -10,12 +10,6 @@
 // motion of a stepless drive with regard to the variator's characteristic and the elasticity of
 // links, Theory of mechanisms and machines 29 (Kharkov 1980), 121-125 (in Russian): the idea of the
 // characteristic; the formula is our choice.
-//
-// Keys: `shafts` [a, b], `ratio` i (a number, a table over time, or commanded with any hold),
-// `inertia` J_b > 0 (kg m^2), `nominal_torque` M_n > 0 (N m), `nominal_slip` 0 < s_n < 1,
-// `sharpness` g > 0 (default 2), `load` L (N m, positive brakes: a number, a table over time, or
-// commanded; default 0), `load_square` k >= 0 (N m s^2/rad^2, default 0), `regularization_speed`
-// omega_r > 0 (rad/s, default 0.1).
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

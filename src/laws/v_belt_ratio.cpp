@@ -9,10 +9,6 @@
 // that of Pronin, Petrov, Balovnev: Equations of motion of an automatic V-belt variator of a motor
 // vehicle, Avtomobil'naya promyshlennost' 1979 no. 9, 15-18 (in Russian); the law is our
 // simplification.
-//
-// Keys: `shafts` [a, b], `ratio_low` i_1 > 0, `ratio_high` i_2 > i_1, `speed` omega_0 > 0 (rad/s),
-// `width` w > 0 (default 0.5), and optionally `load` M (N m: a number, a table over time, or
-// commanded through `second_order_lag`) with `load_torque` M_0 > 0 (N m).
 #include <limits>
 
 #include "variator_sim/laws.h"

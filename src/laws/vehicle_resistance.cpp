@@ -12,14 +12,6 @@
 // its ends).
 // The inertia of the vehicle is not in it: add m rho^2 to the shaft's.
 //
-// Keys: `shaft`, `law`: davis | road, `wheel_radius` > 0 (m), `ratio` (default 1, not 0; negative:
-// the shaft turns against the wheel), `regularization_speed` v_0 > 0 (m/s, default 0.1), `grade`
-// (default 0: a number from -1 to 1, or {`time` (s, increasing), `grade`}), and
-//   davis  `constant` A >= 0 (N), `linear` B >= 0 (N s/m), `quadratic` C >= 0 (N s^2/m^2), for the
-//          whole train; `mass` m > 0 (kg), required with `grade`
-//   road   `mass` m > 0 (kg), `rolling_coefficient` c_rr >= 0, `drag_area` C_d A >= 0 (m^2),
-//          `air_density` > 0 (kg/m^3, default 1.2)
-//
 // Sources: W. J. Davis: The tractive resistance of electric locomotives and cars, General Electric
 // Review 29 (1926); Guzzella, Sciarretta: Vehicle Propulsion Systems (2013), section 2.1.
 #include "laws/gear_keys.h"
