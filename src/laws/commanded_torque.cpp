@@ -1,4 +1,4 @@
-// Q[shaft] += gain u,   Q'[shaft] += gain u'.
+// Q[shaft] += gain u.
 #include "variator_sim/laws.h"
 
 namespace variator_sim {

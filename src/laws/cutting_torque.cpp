@@ -3,7 +3,6 @@
 //     E  = S((t - t_b)/h) - S((t - t_e)/h)                     engagement in time, 0 to 1
 //     P  = 1 + a sin(z phi + beta)                             passing teeth
 //     s  = tanh(omega/w_0)                                     a cut resists, it never drives
-//     Q' = -T (E' P s + E P' omega s + E P s' epsilon)                              N m/s
 // S(x) = 10 x^3 - 15 x^4 + 6 x^5 between 0 and 1: two times continuously differentiable. The cut
 // enters from t_b to t_b + h and leaves from t_e to t_e + h; without `end` it does not leave.
 //

@@ -6,7 +6,6 @@
 //     g   = 1 - S((w - w_i + b) / (2 b))                           idle governor: 1 below w_i - b,
 //                                                                  1/2 at w_i, 0 above w_i + b
 //     F   = F_0 tanh(w/w_0) + F_1 w
-//     Q'  = r' T + (r dT/dw - dF/dw) epsilon,   r' = (1 - g) u' + (1 - u) dg/dw epsilon
 // S is the step of degree five, so Q is two times continuously differentiable: the table is
 // (table.h), it does not overshoot, and beyond its ends it keeps its first and its last value. The
 // law does not stall the engine: let the table fall to 0 towards speed 0, and towards the speed at

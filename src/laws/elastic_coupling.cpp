@@ -1,7 +1,6 @@
 // A massless elastic link with damping between the shafts a and b, through an ideal gear of the
 // ratio i (the link is at rest where phi_a = i phi_b):
 //     T  = k (phi_a - i phi_b) + c (omega_a - i omega_b)          N m
-//     T' = k (omega_a - i omega_b) + c (epsilon_a - i epsilon_b)  N m/s
 //     Q_a += -T,   Q_b += i T.
 // It takes the power c (omega_a - i omega_b)^2 >= 0 out of the drivetrain; the rest it stores in
 // k (phi_a - i phi_b)^2 / 2. To the ground the angle of one shaft is the twist.

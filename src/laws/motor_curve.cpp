@@ -1,7 +1,6 @@
 // A motor by its steady torque-speed characteristic. With d = +-1 the direction of rotation it is
 // built for and w = d omega its speed in that direction (rad/s):
-//     Q  = d u M(w)                              N m
-//     Q' = d (u' M(w) + u M'(w) d epsilon)       N m/s
+//     Q = d u M(w)                               N m
 // u is the command from 0 to 1 (a throttle, a current limit), 1 when there is none.
 //
 // `characteristic`:
@@ -15,7 +14,6 @@
 //              M = M_0 (1 - w/w_0)          stall torque M_0, no-load speed w_0
 //          or by its circuit, with the commanded or constant voltage U and no u:
 //              M = k (U - k w)/R            k torque constant, R resistance of the armature
-//              Q' = d k (U' - k d epsilon)/R
 //          Source: Fitzgerald, Kingsley, Umans: Electric Machinery, chapter 7.
 #include "variator_sim/laws.h"
 

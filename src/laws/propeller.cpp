@@ -2,7 +2,6 @@
 // a(x) the magnitude of x:
 //     Q  = -k w a(w),   k = rho K_Q0 D^5 / (2 pi)^2               (bollard condition)       N m
 //     Q  = -k w a(w) + m a(w),   m = rho K_Q1 V D^4 / (2 pi)      (water coming in at V)    N m
-//     Q' = -(k a(w) + (k w - m) a'(w)) epsilon                                              N m/s
 // The second is Q = -rho D^5 n |n| K_Q(J) with K_Q(J) = K_Q0 - K_Q1 J, J = V/(n D), in the
 // bilinear form that is regular at n = 0. Source: Fossen: Handbook of Marine Craft Hydrodynamics
 // and Motion Control (2011), section 9.1; after Blanke (1981).

@@ -1,5 +1,5 @@
 // Running resistance F of a vehicle on one of its shafts, through a gear and a wheel:
-//     v = rho omega,   Q = -rho F(v, t),   Q' = -rho (dF/dv rho epsilon + dF/dt)
+//     v = rho omega,   Q = -rho F(v, t)
 // with rho = wheel_radius / ratio, m/rad (ratio: turns of the shaft per turn of the wheel) and, s
 // = tanh(v/v_0) being the sign of v made smooth,
 //   davis  a train:     F = (A + C v^2) s + B v + m g sin alpha
