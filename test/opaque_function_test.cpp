@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "support/faults.h"
+#include "expression/opaque_slope.h"
 #include "support/scenes.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/linear_model.h"
@@ -15,6 +16,7 @@ namespace {
 
 using expression::Graph;
 using expression::Node;
+using expression::OpaqueSlope;
 using expression::slotOf;
 using expression::Source;
 using expression::Tape;
@@ -87,7 +89,7 @@ TEST(OpaqueFunction, IsAConstantOfConstantsAndReadsWhatItNeeds) {
   const auto f = std::make_shared<Polynomial>(2);
   const Node constants[4] = {graph.constant(3.0), graph.constant(5.0)};
   EXPECT_TRUE(graph.isConstant(graph.opaque(f, constants), 45.0));
-  EXPECT_TRUE(graph.isConstant(graph.opaque(f, constants, 2), 9.0));
+  EXPECT_TRUE(graph.isConstant(graph.opaque(std::make_shared<OpaqueSlope>(f, 2), constants), 9.0));
   const Node mixed[4] = {graph.constant(3.0), graph.variable(kW1)};
   const Node value = graph.opaque(f, mixed);
   EXPECT_TRUE(graph.dependsOn(value, kW1));

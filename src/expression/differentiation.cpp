@@ -267,14 +267,12 @@ std::shared_ptr<const OpaqueFunction> Graph::slopeOf(
 }
 
 Node Graph::deriveOpaque(const Entry& it, const Derivatives& derivatives) {
-  const int by = it.order[0];
-  const std::shared_ptr<const OpaqueFunction> function =
-      by == 0 ? opaqueOf(it) : slopeOf(opaqueOf(it), by);
+  const std::shared_ptr<const OpaqueFunction> function = opaqueOf(it);
   const Node arguments[4] = {
       {it.operands[0]}, {it.operands[1]}, {it.operands[2]}, {it.operands[3]}};
   Node sum = constant(0.0);
   for (int i = 0; i < function->argumentCount(); ++i) {
-    sum = add(sum, product(opaque(function, arguments, i + 1),
+    sum = add(sum, product(opaque(slopeOf(function, i + 1), arguments),
                            derivatives[static_cast<std::size_t>(it.operands[i])]));
   }
   return sum;

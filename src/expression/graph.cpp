@@ -123,11 +123,10 @@ Node Graph::table(const std::shared_ptr<const Table>& table, Node x, Node y, Tab
 }
 
 Node Graph::opaque(const std::shared_ptr<const OpaqueFunction>& function,
-                   const Node (&arguments)[4], int by) {
+                   const Node (&arguments)[4]) {
   const int count = function->argumentCount();
   Entry entry;
   entry.operation = Operation::kOpaque;
-  entry.order[0] = by;
   double x[4] = {};
   bool all_constant = true;
   for (int i = 0; i < 4; ++i) {
@@ -136,11 +135,7 @@ Node Graph::opaque(const std::shared_ptr<const OpaqueFunction>& function,
     if (isConstant(argument)) x[i] = constantValue(argument);
     all_constant = all_constant && isConstant(argument);
   }
-  if (all_constant) {
-    double gradient[4] = {};
-    if (by > 0) function->calcGradient(x, gradient);
-    return constant(by > 0 ? gradient[by - 1] : function->value(x));
-  }
+  if (all_constant) return constant(function->value(x));
   entry.slot = indexIn(functions_, function);
   return intern(entry);
 }
@@ -229,8 +224,7 @@ bool Graph::hasOpaque(const std::vector<Node>& nodes) const {
 
 bool Graph::hasDifference(const std::vector<Node>& nodes) const {
   return anyReachable(nodes, [&](const Entry& it) {
-    return it.operation == Operation::kOpaque &&
-           dynamic_cast<const OpaqueSlope*>(opaqueOf(it).get()) != nullptr;
+    return it.operation == Operation::kOpaque && OpaqueSlope::countIn(*opaqueOf(it)) > 1;
   });
 }
 

@@ -19,6 +19,11 @@ class OpaqueSlope final : public OpaqueFunction {
       : OpaqueFunction(of->argumentCount()), of_(std::move(of)), by_(by) {}
 
   bool is(const OpaqueFunction* of, int by) const { return of_.get() == of && by_ == by; }
+  /// Returns how many times a function has been differentiated.
+  static int countIn(const OpaqueFunction& function) {
+    const auto* const slope = dynamic_cast<const OpaqueSlope*>(&function);
+    return slope == nullptr ? 0 : 1 + countIn(*slope->of_);
+  }
 
   double value(const double* x) const override {
     double gradient[kMostArguments] = {};

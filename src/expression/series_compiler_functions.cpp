@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <map>
 
-#include "expression/opaque_slope.h"
 #include "expression/series_compiler.h"
 
 namespace variator_sim::expression {
@@ -146,9 +145,6 @@ int SeriesCompiler::table(const Graph::Entry& entry, int a) {
 int SeriesCompiler::opaque(const Graph::Entry& entry, int a) {
   SeriesProgram::Piece piece;
   piece.function = graph_.opaqueOf(entry);
-  if (entry.order[0] > 0) {
-    piece.function = std::make_shared<const OpaqueSlope>(piece.function, entry.order[0]);
-  }
   Instruction it = instruction(Code::kOpaque, {a});
   for (int k = 1; k < piece.function->argumentCount(); ++k) {
     it.operands[k] = rowOf(entry.operands[k]);

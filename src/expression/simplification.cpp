@@ -182,7 +182,7 @@ Node Graph::remake(const Entry& it, const Node (&operands)[4]) {
     case Operation::kTable2:
       return table(tableOf(it), operands[0], operands[1], {it.order[0], it.order[1]});
     case Operation::kOpaque:
-      return opaque(opaqueOf(it), operands, it.order[0]);
+      return opaque(opaqueOf(it), operands);
     default:
       return make(it.operation, operands[0], operands[1], operands[2], operands[3]);
   }

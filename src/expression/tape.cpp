@@ -50,12 +50,8 @@ double Tape::compute(const Instruction& it, const double* operands) {
       return it.table->derivative(it.order[0], operands[0]);
     case Operation::kTable2:
       return it.table->derivative({it.order[0], it.order[1]}, operands[0], operands[1]);
-    case Operation::kOpaque: {
-      if (it.order[0] == 0) return it.function->value(operands);
-      double gradient[OpaqueFunction::kMostArguments] = {};
-      it.function->calcGradient(operands, gradient);
-      return gradient[it.order[0] - 1];
-    }
+    case Operation::kOpaque:
+      return it.function->value(operands);
     case Operation::kPower:
       return it.has_constant_exponent ? powerOf(operands[0], operands[1])
                                       : std::pow(operands[0], operands[1]);

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "expression/opaque_slope.h"
 #include "model/scene_readers.h"
 #include "variator_sim/expression/tape.h"
 
@@ -266,7 +267,8 @@ std::vector<Call> listCalls(const expression::Graph& graph,
   std::vector<Call> calls;
   for (const int n : graph.listReachable(nodes)) {
     const expression::Graph::Entry& entry = graph.entry({n});
-    if (entry.operation != expression::Operation::kOpaque || entry.order[0] != 0) continue;
+    if (entry.operation != expression::Operation::kOpaque) continue;
+    if (expression::OpaqueSlope::countIn(*graph.opaqueOf(entry)) > 0) continue;
     const int count = graph.opaqueOf(entry)->argumentCount();
     std::vector<expression::Node> arguments;
     arguments.reserve(static_cast<std::size_t>(count));

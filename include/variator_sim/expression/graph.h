@@ -55,7 +55,7 @@ enum class Operation : std::uint8_t {
   kMax,
   kTable,       ///< a derivative of a table of one variable at a
   kTable2,      ///< the same of two variables, at (a, b)
-  kOpaque,      ///< a function of the user's own at (a, ..), or a first derivative of it
+  kOpaque,      ///< a function of the user's own at (a, ..)
   kSelect,      ///< a <= b ? c : d
   kWhereFinite  ///< b, but 0 where a is infinite and NaN where a is; written by derivatives only
 };
@@ -84,9 +84,7 @@ class Graph {
     int operands[4] = {-1, -1, -1, -1};
     int slot = -1;       ///< of kVariable; index of a table or function of the graph
     double value = 0.0;  ///< of kConstant
-    /// Orders of the derivative: for kTable by a, for kTable2 by a and b; for kOpaque 0 is the
-    /// value, n the derivative by argument n.
-    int order[2] = {};
+    int order[2] = {};   ///< of the derivative: for kTable by a, for kTable2 by a and b
   };
   /// The rate of the variable in a slot, for totalDerivative, or its value, for substitute.
   using Rate = std::pair<int, Node>;
@@ -107,10 +105,9 @@ class Graph {
   /// polynomials.
   Node table(const std::shared_ptr<const Table>& table, Node x, Node y = {},
              Table::Order order = {});
-  /// `function` of as many `arguments` as it has, or its derivative by argument `by`, counted
-  /// from 1. The derivatives of a derivative are differences (opaque_slope.h).
-  Node opaque(const std::shared_ptr<const OpaqueFunction>& function, const Node (&arguments)[4],
-              int by = 0);
+  /// `function` of as many `arguments` as it has. Its derivatives are functions of their own
+  /// (opaque_slope.h), those of these differences.
+  Node opaque(const std::shared_ptr<const OpaqueFunction>& function, const Node (&arguments)[4]);
   /// Makes left <= right ? yes : no; NaN when left and right cannot be compared.
   Node select(Node left, Node right, Node yes, Node no);
   /// Makes any operation with operands, simplified as by the maker of its name. Unused operands are
