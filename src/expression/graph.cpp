@@ -141,14 +141,13 @@ Node Graph::opaque(const std::shared_ptr<const OpaqueFunction>& function,
 }
 
 Node Graph::substitute(Node node, const std::vector<Rate>& values) {
-  const std::vector<bool> reachable = findReachable({node});
-  std::vector<Node> made(reachable.size());
-  for (std::size_t i = 0; i < reachable.size(); ++i) {
-    if (!reachable[i]) continue;
-    const Entry it = entries_[i];  // a copy: making nodes moves the entries
-    made[i] = {static_cast<int>(i)};
+  std::vector<Node> made(static_cast<std::size_t>(node.index) + 1);
+  for (const int i : listReachable({node})) {
+    const Entry it = entry({i});  // a copy: making nodes moves the entries
+    Node& here = made[static_cast<std::size_t>(i)];
+    here = {i};
     if (it.operation == Operation::kVariable) {
-      for (const Rate& value : values) made[i] = value.first == it.slot ? value.second : made[i];
+      for (const Rate& value : values) here = value.first == it.slot ? value.second : here;
       continue;
     }
     Node operands[4];
@@ -157,29 +156,9 @@ Node Graph::substitute(Node node, const std::vector<Rate>& values) {
       operands[k] = made[static_cast<std::size_t>(it.operands[k])];
       is_same = is_same && operands[k].index == it.operands[k];
     }
-    if (!is_same) made[i] = remake(it, operands);
+    if (!is_same) here = remake(it, operands);
   }
   return made[static_cast<std::size_t>(node.index)];
-}
-
-std::vector<bool> Graph::findReachable(const std::vector<Node>& nodes) const {
-  int last = -1;
-  for (const Node node : nodes) {
-    last = std::max(last, node.index);
-  }
-  std::vector<bool> reachable(static_cast<std::size_t>(last + 1), false);
-  for (const Node node : nodes) {
-    reachable[static_cast<std::size_t>(node.index)] = true;
-  }
-  // Operands have smaller indices: one sweep suffices for formulas of any depth.
-  for (std::size_t i = reachable.size(); i-- > 0;) {
-    if (reachable[i]) {
-      for (int k = 0; k < operandCount(entries_[i].operation); ++k) {
-        reachable[static_cast<std::size_t>(entries_[i].operands[k])] = true;
-      }
-    }
-  }
-  return reachable;
 }
 
 std::vector<int> Graph::listReachable(const std::vector<Node>& nodes) const {

@@ -26,10 +26,9 @@ void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<N
   }
   std::vector<Node> outputs = trial;
   outputs.insert(outputs.end(), others.begin(), others.end());
-  const std::vector<bool> reachable = graph_.findReachable(outputs);
-  forms_.resize(reachable.size());
-  for (std::size_t i = 0; i < reachable.size(); ++i) {
-    if (reachable[i]) forms_[i] = makeForm(graph_.entry({static_cast<int>(i)}));
+  forms_.resize(static_cast<std::size_t>(graph_.size()));
+  for (const int i : graph_.listReachable(outputs)) {
+    forms_[static_cast<std::size_t>(i)] = makeForm(graph_.entry({i}));
   }
   for (const Node output : outputs) {
     made_.outputs_.push_back(rowOf(forms_[static_cast<std::size_t>(output.index)]));

@@ -36,17 +36,11 @@ class TermMaker {
   TermMaker(const Graph& graph, const std::vector<Node>& nodes, const Names& names,
             const std::set<int>& unnamed)
       : graph_(graph), names_(names) {
-    const std::vector<int> uses = countUses(nodes);
-    terms_.resize(uses.size());
-    for (std::size_t i = 0; i < uses.size(); ++i) {
-      if (uses[i] == 0) continue;
-      const int index = static_cast<int>(i);
-      terms_[i] = make(graph.entry({index}));
-      if (uses[i] > 1 && unnamed.count(index) == 0) nameIt(index);
+    for (const auto& [index, uses] : countUses(nodes)) {
+      terms_[index] = make(graph.entry({index}));
+      if (uses > 1 && unnamed.count(index) == 0) nameIt(index);
     }
-    for (const Node node : nodes) {
-      made_.roots.push_back(withoutScale(terms_[static_cast<std::size_t>(node.index)]));
-    }
+    for (const Node node : nodes) made_.roots.push_back(withoutScale(terms_.at(node.index)));
   }
 
   const Terms& made() const { return made_; }
@@ -54,24 +48,20 @@ class TermMaker {
   const std::vector<int>& named() const { return named_; }
 
  private:
-  /// Returns the number of readers of each node.
-  std::vector<int> countUses(const std::vector<Node>& nodes) const {
-    const std::vector<bool> reachable = graph_.findReachable(nodes);
-    std::vector<int> uses(reachable.size(), 0);
-    for (const Node node : nodes) ++uses[static_cast<std::size_t>(node.index)];
-    for (std::size_t i = 0; i < reachable.size(); ++i) {
-      if (!reachable[i]) continue;
-      const Graph::Entry& entry = graph_.entry({static_cast<int>(i)});
-      for (int p = 0; p < operandCount(entry.operation); ++p) {
-        ++uses[static_cast<std::size_t>(entry.operands[p])];
-      }
+  /// Returns the number of readers of each node, operands first.
+  std::map<int, int> countUses(const std::vector<Node>& nodes) const {
+    std::map<int, int> uses;
+    for (const Node node : nodes) ++uses[node.index];
+    for (const int i : graph_.listReachable(nodes)) {
+      const Graph::Entry& entry = graph_.entry({i});
+      for (int p = 0; p < operandCount(entry.operation); ++p) ++uses[entry.operands[p]];
     }
     return uses;
   }
 
   /// Gives the node a name, if its weight justifies one.
   void nameIt(int index) {
-    TermPtr& term = terms_[static_cast<std::size_t>(index)];
+    TermPtr& term = terms_[index];
     double scale = 1.0;
     TermPtr definition = term;
     if (term->kind == Term::Kind::kProduct && isExtreme(term->number)) {
@@ -121,7 +111,7 @@ class TermMaker {
   }
 
   TermPtr make(const Graph::Entry& entry) const {
-    const auto operand = [&](int p) { return terms_[static_cast<std::size_t>(entry.operands[p])]; };
+    const auto operand = [&](int p) { return terms_.at(entry.operands[p]); };
     switch (entry.operation) {
       case Operation::kConstant:
         return makeNumber(entry.value);
@@ -162,7 +152,7 @@ class TermMaker {
 
   const Graph& graph_;
   const Names& names_;
-  std::vector<TermPtr> terms_;             ///< by index; null for unused nodes
+  std::map<int, TermPtr> terms_;           ///< by index
   std::map<std::string, Symbol> name_of_;  ///< by key of the named term
   int last_name_ = 0;
   Terms made_;

@@ -74,10 +74,10 @@ constexpr std::size_t kMostKinks = 16;
 /// Returns functions at whose zeros `given` has a kink in the accelerations but does not jump.
 std::vector<Node> findKinks(Graph& graph, const std::vector<ShaftSet>& reads, Node given, int s) {
   std::vector<Node> kinks;
-  const std::vector<bool> reachable = graph.findReachable({given});
-  for (std::size_t n = 0; n < reachable.size() && kinks.size() < kMostKinks; ++n) {
-    if (!reachable[n] || reads[n].none()) continue;
-    const Graph::Entry entry = graph.entry({static_cast<int>(n)});
+  for (const int n : graph.listReachable({given})) {
+    if (kinks.size() == kMostKinks) break;
+    if (reads[static_cast<std::size_t>(n)].none()) continue;
+    const Graph::Entry entry = graph.entry({n});
     Node found;
     if (entry.operation == Operation::kAbs) {
       found = {entry.operands[0]};

@@ -173,8 +173,6 @@ class Graph {
   int countHold() { return holds_++; }
   /// Number of nodes; all indices are below it.
   int size() const { return static_cast<int>(entries_.size()); }
-  /// Tells for every index up to the largest of `nodes` if one of `nodes` needs it.
-  std::vector<bool> findReachable(const std::vector<Node>& nodes) const;
   /// Lists the indices of needed nodes, ascending: operands come first. The time is proportional to
   /// the list, not to the graph.
   std::vector<int> listReachable(const std::vector<Node>& nodes) const;
