@@ -6,6 +6,7 @@
 #include <set>
 
 #include "support/count_allocations.h"
+#include "support/dependence.h"
 #include "support/documents.h"
 #include "support/faults.h"
 #include "support/scenes.h"
@@ -185,8 +186,7 @@ TEST(Plugins, DependOnWhatTheyState) {
     types.insert("variator_sim/" + plugin.substr(0, plugin.find(',')));
     const Scene scene = sceneOf(plugin);
     const Constraint& it = *scene.constraints[0];
-    EXPECT_EQ(it.dependence().time, statement.time);
-    EXPECT_FALSE(it.dependence().angle);
+    EXPECT_TRUE((dependenceOf(it) == Dependence{statement.time, false}));
     EXPECT_EQ(it.hasConstantJacobian(), statement.constant_C);
   }
   const std::vector<std::string> all = BuiltinComponentFactory().constraintTypes();

@@ -1,5 +1,6 @@
 // The constraint and the torque that a scene states as formulas: what they compute, and what they
 // say about formulas and parameters that are wrong.
+#include "support/dependence.h"
 #include "support/faults.h"
 #include "support/scenes.h"
 #include "variator_sim/laws.h"
@@ -174,8 +175,7 @@ TEST(ExpressionConstraint, DependsOnWhatItReads) {
     const bool reads_tau = std::string(statement.formula).find("tau") != std::string::npos;
     const auto constraint = constraintOf(
         statement.formula, reads_tau ? ", parameters: {tau: 0.2}" : "", statement.order, shafts);
-    EXPECT_EQ(constraint->dependence().time, statement.dependence.time);
-    EXPECT_EQ(constraint->dependence().angle, statement.dependence.angle);
+    EXPECT_TRUE(dependenceOf(*constraint) == statement.dependence);
     EXPECT_EQ(constraint->hasConstantJacobian(), statement.constant_C);
   }
 }
@@ -322,10 +322,8 @@ TEST(ExpressionTorque, DependsOnWhatItReads) {
   for (const Formula& formula : formulas) {
     SCOPED_TRACE(formula.text);
     const auto torque = torqueOf(formula.text);
-    EXPECT_EQ(torque->torqueDependence().time, formula.torque.time);
-    EXPECT_EQ(torque->torqueDependence().angle, formula.torque.angle);
-    EXPECT_EQ(torque->rateDependence().time, formula.rate.time);
-    EXPECT_EQ(torque->rateDependence().angle, formula.rate.angle);
+    EXPECT_TRUE(dependenceOf(*torque) == formula.torque);
+    EXPECT_TRUE(dependenceOfRate(*torque) == formula.rate);
   }
 }
 

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "support/count_allocations.h"
+#include "support/dependence.h"
 #include "support/documents.h"
 #include "support/faults.h"
 #include "support/scenes.h"
@@ -985,10 +986,8 @@ TEST(Laws, DependOnWhatTheyState) {
     const std::string type = "variator_sim/" + element.substr(0, element.find(','));
     types.insert(type);
     const TorquePtr torque = torqueOf(element);
-    EXPECT_EQ(torque->torqueDependence().time, statement.torque.time);
-    EXPECT_EQ(torque->torqueDependence().angle, statement.torque.angle);
-    EXPECT_EQ(torque->rateDependence().time, statement.rate.time);
-    EXPECT_EQ(torque->rateDependence().angle, statement.rate.angle);
+    EXPECT_TRUE(dependenceOf(*torque) == statement.torque);
+    EXPECT_TRUE(dependenceOfRate(*torque) == statement.rate);
   }
   // (Those that hold have a torque only with a mode.)
   for (const char* name : {"Brake", "Clutch", "DogClutch", "EndStop", "OneWayClutch"}) {

@@ -71,10 +71,8 @@ class Constraint : public Law {
   /// Newton's iteration for the accelerations of least reaction uses.
   void calcHessian(const StateView& state, double* H) const { hessian_.evaluate(state, H); }
 
-  /// Tells whether f or psi and its derivatives read the time and the angles.
-  Dependence dependence() const { return dependence_; }
   /// True when C is the same at every state: the solver factors it once.
-  bool hasConstantJacobian() const { return has_constant_jacobian_; }
+  bool hasConstantJacobian() const;
   /// Returns the accelerations that the second-order form reads other than with constant
   /// coefficients, bit i for shaft i: the search for the least reaction varies these alone. If
   /// there are none, C does not depend on epsilon, and a jump is one exact linear projection.
@@ -123,9 +121,7 @@ class Constraint : public Law {
   expression::Tape hessian_;                ///< H = dC/depsilon, s x s
   std::vector<int> partial_slots_;          ///< variables that psi has a derivative by
   int order_ = 2;
-  Dependence dependence_;
   std::set<int> inputs_;  ///< inputs that the law reads
-  bool has_constant_jacobian_ = false;
   ShaftSet nonlinear_;
   std::vector<ConstraintPtr> kinks_;
 };

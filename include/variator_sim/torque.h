@@ -36,11 +36,6 @@ class Torque : public Law {
   /// Q' += the total rate of this element's torques, N m/s, s values.
   void addTorqueRate(const StateView& state, double* torque_rate) const;
 
-  /// Tell whether Q and Q' read the time and the angles. An elastic coupling's torque reads the
-  /// angles, its rate does not.
-  Dependence torqueDependence() const { return torque_dependence_; }
-  Dependence rateDependence() const { return rate_dependence_; }
-
  private:
   void derive(const LawContext& law, const ComponentContext& context) override;
 
@@ -48,8 +43,6 @@ class Torque : public Law {
   std::vector<ShaftNode> rates_;
   expression::Tape torque_;  ///< torques_
   expression::Tape rate_;    ///< rates_
-  Dependence torque_dependence_;
-  Dependence rate_dependence_;
 };
 
 using TorquePtr = std::shared_ptr<Torque>;

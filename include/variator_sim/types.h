@@ -55,11 +55,4 @@ struct StateView {
   const double* held_values = nullptr;
 };
 
-/// Tells whether a law reads the time and the angles. The solver omits derivatives by a quantity
-/// that no law reads.
-struct Dependence {
-  bool time = true;
-  bool angle = true;
-};
-
 }  // namespace variator_sim

@@ -21,13 +21,10 @@ namespace {
 constexpr Source kHighest[] = {Source::kVelocity, Source::kAcceleration, Source::kJerk};
 
 /// Returns the order of `function`: that of the highest derivative it reads; 0 if it reads none.
-int orderOf(const Graph& graph, Node function, int shaft_count) {
-  for (int order = 3; order > 0; --order) {
-    for (int i = 0; i < shaft_count; ++i) {
-      if (graph.dependsOn(function, slotOf(kHighest[order - 1], i))) return order;
-    }
-  }
-  return 0;
+int orderOf(const Graph& graph, Node function) {
+  int order = 3;
+  while (order > 0 && !expression::reads(graph, {function}, kHighest[order - 1])) --order;
+  return order;
 }
 
 bool isPiecewise(Operation operation) {
@@ -113,7 +110,7 @@ void Constraint::derive(const LawContext& law, const ComponentContext& context) 
   Graph& graph = Law::graph();
   const Node given = law.psi().in(graph);
   const int s = shaftCount();
-  const int order = orderOf(graph, given, s);
+  const int order = orderOf(graph, given);
   if (order == 0) {
     throw SceneError(law.place(), "the constraint depends on no velocity, acceleration or jerk");
   }
@@ -152,7 +149,6 @@ struct Constraint::Formulas {
 void Constraint::compile(Node given, int order, const std::set<int>& inputs,
                          const std::string& path) {
   Graph& graph = Law::graph();
-  const int s = shaftCount();
   setFormulas({given});
   order_ = order;
   for (const int i : inputs) {
@@ -167,10 +163,6 @@ void Constraint::compile(Node given, int order, const std::set<int>& inputs,
   } catch (const std::length_error& error) {
     throw SceneError(path, error.what());
   }
-  // No derivative reads what the formula itself does not.
-  dependence_ = expression::dependenceOf(graph, {given}, s);
-  has_constant_jacobian_ = std::all_of(formulas.C.begin(), formulas.C.end(),
-                                       [&graph](Node entry) { return graph.isConstant(entry); });
 }
 
 Constraint::Formulas Constraint::differentiate(const std::set<int>& inputs,
@@ -255,6 +247,11 @@ void Constraint::check(const Formulas& formulas, const std::string& path) const 
       throw SceneError(path, "a derivative of it has a constant part that is not finite");
     }
   }
+}
+
+bool Constraint::hasConstantJacobian() const {
+  return std::all_of(row_nodes_.begin(), row_nodes_.end() - 1,
+                     [this](Node entry) { return graph().isConstant(entry); });
 }
 
 void Constraint::makePrograms(const Formulas& formulas) {

@@ -143,11 +143,7 @@ Expression LawContext::command(const Range& range) {
 
 bool LawContext::readsVelocities(const Expression& formula) const {
   Graph& graph = *context_.graph();
-  bool reads = false;
-  for (int i = 0; i < context_.shaftCount(); ++i) {
-    reads = reads || graph.dependsOn(formula.in(graph), slotOf(Source::kVelocity, i));
-  }
-  return reads;
+  return expression::reads(graph, {formula.in(graph)}, Source::kVelocity);
 }
 
 Expression LawContext::time() {

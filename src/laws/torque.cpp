@@ -50,16 +50,13 @@ void Torque::derive(const LawContext& law, const ComponentContext& context) {
     if (!graph.isConstant(rate, 0.0)) rates_.emplace_back(shaft, rate);
   }
   setFormulas(nodesOf(torques_));
-  const std::vector<Node> rate = nodesOf(rates_);
   try {
     torque_ = Tape(graph, formulas());
-    rate_ = Tape(graph, rate);
+    rate_ = Tape(graph, nodesOf(rates_));
     countSwitchingFunctions();
   } catch (const std::length_error& error) {
     throw SceneError(law.place(), error.what());
   }
-  torque_dependence_ = expression::dependenceOf(graph, formulas(), shaftCount());
-  rate_dependence_ = expression::dependenceOf(graph, rate, shaftCount());
 }
 
 std::vector<int> Torque::shafts() const {

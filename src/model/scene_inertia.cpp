@@ -347,8 +347,7 @@ Node readEntry(ParameterReader& reader, const std::string& name, const std::stri
   ComponentContext context(name, reader, scene.shafts, inputs, scene.symbols, scene.graph);
   const Node entry = readFormula(context, key, expression::FormulaKind::kQuantity, graph);
   reader.finish();
-  for (int i = 0; i < scene.shaftCount(); ++i) {
-    if (!graph.dependsOn(entry, slotOf(Source::kVelocity, i))) continue;
+  if (expression::reads(graph, {entry}, Source::kVelocity)) {
     throw SceneError(path,
                      "reads a velocity; allowed: angles, t, inputs and tables, for T = 1/2 "
                      "omega^T J omega has J(phi, t)");

@@ -53,11 +53,12 @@ bool advanceToRest(Simulation& simulation, OfflineRun& run, double end) {
 std::string explainUnrest(Simulation& simulation) {
   const Scene& scene = simulation.scene();
   std::vector<std::string> readers;
-  const auto note = [&readers](const char* kind, const auto& law, const Dependence& dependence) {
-    if (dependence.time) readers.push_back(kind + inQuotes(law->name()));
+  const auto note = [&readers](const char* kind, const Law& law) {
+    const bool reads = expression::reads(law.graph(), law.formulas(), expression::Source::kTime);
+    if (reads) readers.push_back(kind + inQuotes(law.name()));
   };
-  for (const TorquePtr& torque : scene.torques) note("torque ", torque, torque->torqueDependence());
-  for (const ConstraintPtr& row : scene.constraints) note("constraint ", row, row->dependence());
+  for (const TorquePtr& torque : scene.torques) note("torque ", *torque);
+  for (const ConstraintPtr& row : scene.constraints) note("constraint ", *row);
   std::string text = "no rest until " + formatNumber(simulation.time()) + " s: ";
   if (!scene.solver.sleep) return text + "'solver/sleep: false' allows none";
   if (isFixedStep(scene.solver.stepper)) return text + "steppers with fixed steps know none";

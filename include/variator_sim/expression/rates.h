@@ -1,11 +1,11 @@
 /// Rates of a scene's variables along its motion, and what formulas depend on.
 #pragma once
 
+#include <algorithm>
 #include <set>
 #include <vector>
 
 #include "variator_sim/expression/tape.h"
-#include "variator_sim/types.h"
 
 namespace variator_sim::expression {
 
@@ -29,17 +29,13 @@ inline std::vector<Graph::Rate> ratesOf(Graph& graph, int shaft_count,
   return rates;
 }
 
-/// Tells if time and angles occur in `nodes`, in a scene of `shaft_count` shafts.
-inline Dependence dependenceOf(const Graph& graph, const std::vector<Node>& nodes,
-                               int shaft_count) {
-  Dependence dependence{false, false};
-  for (const Node node : nodes) {
-    dependence.time = dependence.time || graph.dependsOn(node, slotOf(Source::kTime));
-    for (int i = 0; i < shaft_count; ++i) {
-      dependence.angle = dependence.angle || graph.dependsOn(node, slotOf(Source::kAngle, i));
-    }
-  }
-  return dependence;
+/// Tells if a variable of `source` occurs in `nodes`.
+inline bool reads(const Graph& graph, const std::vector<Node>& nodes, Source source) {
+  const std::vector<int> reachable = graph.listReachable(nodes);
+  return std::any_of(reachable.begin(), reachable.end(), [&](int n) {
+    const Graph::Entry& entry = graph.entry({n});
+    return entry.operation == Operation::kVariable && sourceOf(entry.slot) == source;
+  });
 }
 
 }  // namespace variator_sim::expression
