@@ -314,11 +314,6 @@ TEST(ConstraintOfAPlugin, HasTheRowJacobiansAndHessianOfItsFormula) {
   EXPECT_EQ(C[1], 49.0);
   EXPECT_EQ(c0, 5.0 + 12.0 * 3.0 + 0.5 * -11.0 + 2.0 * 13.0);
 
-  ConstraintPartials partials;
-  constraint.calcPartials(state, partials);
-  EXPECT_EQ(partials.input[0], 0.0);
-  EXPECT_EQ(partials.input[1], 2.0);
-
   double H[4] = {};
   constraint.calcHessian(state, H);
   EXPECT_NEAR(H[0], -22.0, 1e-8);

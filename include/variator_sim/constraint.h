@@ -10,15 +10,6 @@
 
 namespace variator_sim {
 
-/// Partial derivatives of psi; s values per array.
-struct ConstraintPartials {
-  double time = 0.0;                     ///< dpsi/dt
-  double angle[kMaxShafts] = {};         ///< dpsi/dphi
-  double velocity[kMaxShafts] = {};      ///< dpsi/domega
-  double acceleration[kMaxShafts] = {};  ///< dpsi/depsilon, the row of C
-  double input[kMaxInputs] = {};         ///< dpsi/du of commanded inputs
-};
-
 class Constraint;
 using ConstraintPtr = std::shared_ptr<Constraint>;
 
@@ -65,8 +56,6 @@ class Constraint : public Law {
   double calcResidualAndJacobian(const StateView& state, double* C) const;
   /// Writes C (s values) and c0 of C eta + c0 = 0 [12].
   void calcRow(const StateView& state, double* C, double* c0) const;
-  /// Orders 1 and 2: writes all partial derivatives of f or psi.
-  void calcPartials(const StateView& state, ConstraintPartials& partials) const;
   /// Writes H = dC/depsilon (s x s values, row by row), for psi its second derivatives, which
   /// Newton's iteration for the accelerations of least reaction uses.
   void calcHessian(const StateView& state, double* H) const { hessian_.evaluate(state, H); }
@@ -117,9 +106,7 @@ class Constraint : public Law {
   expression::Tape residual_;               ///< f or psi
   expression::Tape residual_and_jacobian_;  ///< f' or psi, then C
   expression::Tape row_;                    ///< C, then c0
-  expression::Tape partials_;               ///< with respect to partial_slots_
   expression::Tape hessian_;                ///< H = dC/depsilon, s x s
-  std::vector<int> partial_slots_;          ///< variables that psi has a derivative by
   int order_ = 2;
   std::set<int> inputs_;  ///< inputs that the law reads
   ShaftSet nonlinear_;

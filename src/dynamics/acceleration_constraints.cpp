@@ -1,6 +1,7 @@
 #include "dynamics/acceleration_constraints.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace variator_sim {
 
@@ -12,6 +13,30 @@ std::vector<const Constraint*> listOfOrders1And2(const Scene& scene) {
     if (it->order() < 3) listed.push_back(it.get());
   }
   return listed;
+}
+
+std::vector<expression::Node> sizesOfTerms(expression::Graph& graph,
+                                           const std::vector<const Constraint*>& rows, int S) {
+  using expression::slotOf;
+  using expression::Source;
+  std::vector<int> slots = {slotOf(Source::kTime)};
+  for (int i = 0; i < S; ++i) {
+    for (const Source source : {Source::kAngle, Source::kVelocity, Source::kAcceleration}) {
+      slots.push_back(slotOf(source, i));
+    }
+  }
+  std::vector<expression::Node> sizes;
+  for (const Constraint* const row : rows) {
+    expression::Node size = graph.constant(0.0);
+    for (const int slot : slots) {
+      const expression::Node slope = graph.differentiate(row->function(), slot);
+      const expression::Node term = graph.multiply(slope, graph.variable(slot));
+      const bool is_none = row->order() != 2 || graph.isConstant(slope, 0.0);
+      if (!is_none) size = graph.add(size, graph.make(expression::Operation::kAbs, term));
+    }
+    sizes.push_back(size);
+  }
+  return sizes;
 }
 
 }  // namespace
@@ -30,6 +55,7 @@ AccelerationConstraints::AccelerationConstraints(const Scene& scene)
     nonlinear_ |= it->nonlinearAccelerations();
     for (const ConstraintPtr& kink : it->kinks()) {
       if (kinks_.size() < kMostKinks) kinks_.push_back(kink.get());
+  terms_ = {*scene.graph, sizesOfTerms(*scene.graph, constraints_, S)};
     }
   }
 }
@@ -84,6 +110,19 @@ bool AccelerationConstraints::calcMultipliers(const StateView& state, double* la
   for (int m = 0; m < rowCount(); ++m) {
     lambda[m] = 0.0;
     for (int i = 0; i < S; ++i) lambda[m] += rows_.row(m)[i] * (state.acceleration[i] - free_(i));
+double AccelerationConstraints::calcRounding(const StateView& state) const {
+  const double* const size = terms_.evaluate(state);
+  double largest = 0.0;
+  for (int m = 0; m < rowCount(); ++m) {
+    Vector C(S);
+    if (size[m] == 0.0) continue;
+    row(m).calcResidualAndJacobian(state, C.data());
+    const Vector B = mobility() * C;
+    largest = std::max(largest, size[m] * B.cwiseAbs().maxCoeff() / B.dot(C));
+  }
+  return 16.0 * std::numeric_limits<double>::epsilon() * largest;
+}
+
   }
   rows_.solve(lambda, lambda);
   return true;

@@ -45,6 +45,9 @@ class AccelerationConstraints {
   /// lambda (one per row) of the part of R in range(C^T): A lambda = C J^-1 R. False if C has lost
   /// rank.
   bool calcMultipliers(const StateView& state, double* lambda);
+  /// By so much may accelerations be off psi = 0 for the rounding of what psi reads: 1/tau times
+  /// that of the velocities where a slip has the short time constant tau, say.
+  double calcRounding(const StateView& state) const;
   /// Squared length of row m in the last of these.
   double rowLengthSquared(int m) const { return rows_.lengthSquared(m); }
 
@@ -61,6 +64,7 @@ class AccelerationConstraints {
   SquareMatrix mobility_;
   Vector torque_;
   Vector free_;
+  expression::Tape terms_;  ///< of each row, sum |dpsi/dx x| over all x that it reads
   std::vector<const Constraint*> constraints_;
   std::vector<const Constraint*> kinks_;
   ShaftSet nonlinear_;

@@ -41,7 +41,7 @@ bool LeastReactionSolver::solve(const StateView& given, unsigned corner, double*
     }
     if (!shorter) {
       // The rounding of psi's terms may keep a correction from getting shorter.
-      if (!(length <= calcRounding(state))) return false;
+      if (!(length <= constraints_.calcRounding(state))) return false;
       next.setZero(S + row_count_);
     }
     if (isSmall(next, epsilon, rounding)) {
@@ -127,28 +127,7 @@ bool LeastReactionSolver::isConsistent(const StateView& state, double allowed) {
   const double distance = delta.cwiseAbs().maxCoeff();
   const Eigen::Map<const Vector> epsilon(state.acceleration, S);
   if (distance <= allowed * std::max(1.0, epsilon.cwiseAbs().maxCoeff())) return true;
-  return distance <= calcRounding(state);
-}
-
-double LeastReactionSolver::calcRounding(const StateView& state) const {
-  double largest = 0.0;
-  for (int m = 0; m < constraints_.rowCount(); ++m) {
-    const Constraint& constraint = constraints_.row(m);
-    if (constraint.order() != 2) continue;
-    ConstraintPartials partials;
-    constraint.calcPartials(state, partials);
-    double size = std::abs(partials.time * state.time);
-    for (int i = 0; i < S; ++i) {
-      size += std::abs(partials.angle[i] * state.angle[i]) +
-              std::abs(partials.velocity[i] * state.velocity[i]) +
-              std::abs(partials.acceleration[i] * state.acceleration[i]);
-    }
-    const Eigen::Map<const Vector> C(partials.acceleration, S);
-    const Vector B = constraints_.mobility() * C;
-    const double A = B.dot(C);
-    largest = std::max(largest, size * B.cwiseAbs().maxCoeff() / A);
-  }
-  return 16.0 * std::numeric_limits<double>::epsilon() * largest;
+  return distance <= constraints_.calcRounding(state);
 }
 
 bool LeastReactionSolver::calcKinks(const StateView& given, const double* epsilon,

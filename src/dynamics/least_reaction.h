@@ -66,10 +66,6 @@ class LeastReactionSolver {
 
   bool calcKinks(const StateView& given, const double* epsilon, KinkValues* values) const;
 
-  /// By so much may accelerations be off psi = 0 for the rounding of what psi reads: 1/tau times
-  /// that of the velocities where a slip has the short time constant tau, say.
-  double calcRounding(const StateView& state) const;
-
   /// Calls `visit` with every set of the nearest kinks that leaves at most S equations.
   template <class Visit>
   void forEachCorner(const KinkValues& values, Visit visit) const {

@@ -139,10 +139,9 @@ ConstraintPtr Constraint::inOrder3() const {
 
 /// The formulas of a constraint's programs.
 struct Constraint::Formulas {
-  std::vector<Node> C;  ///< the derivatives by the highest rates that occur
-  Node second;          ///< f' = C epsilon + ... for order 1, psi itself for order 2
-  Node c0;              ///< of the third-order form [12]
-  std::vector<Node> partials;
+  std::vector<Node> C;        ///< the derivatives by the highest rates that occur
+  Node second;                ///< f' = C epsilon + ... for order 1, psi itself for order 2
+  Node c0;                    ///< of the third-order form [12]
   std::vector<Node> hessian;  ///< H
 };
 
@@ -178,20 +177,6 @@ Constraint::Formulas Constraint::differentiate(const std::set<int>& inputs,
   made.second = order_ == 1 ? graph.totalDerivative(function(), rates) : function();
   // The jerks of order 3 occur linearly: c0 is the function without them.
   made.c0 = order_ < 3 ? graph.totalDerivative(made.second, rates) : withoutJerks(made.C, path);
-  if (order_ < 3) {
-    std::vector<int> slots = {slotOf(Source::kTime)};
-    for (int i = 0; i < s; ++i) {
-      slots.insert(slots.end(), {slotOf(Source::kAngle, i), slotOf(Source::kVelocity, i),
-                                 slotOf(Source::kAcceleration, i)});
-    }
-    for (const int i : inputs) slots.push_back(slotOf(Source::kInput, i));
-    for (const int slot : slots) {
-      const Node partial = graph.differentiate(function(), slot);
-      if (graph.isConstant(partial, 0.0)) continue;
-      made.partials.push_back(partial);
-      partial_slots_.push_back(slot);
-    }
-  }
   for (const Node entry : made.C) {
     for (int j = 0; j < s; ++j) {
       made.hessian.push_back(graph.differentiate(entry, slotOf(Source::kAcceleration, j)));
@@ -239,7 +224,7 @@ void Constraint::check(const Formulas& formulas, const std::string& path) const 
                      "it has first derivatives only; allowed: a function made of Expressions, or a "
                      "constraint of order 2");
   }
-  std::vector<Node> checked = formulas.partials;
+  std::vector<Node> checked = formulas.C;
   checked.push_back(formulas.c0);
   checked.insert(checked.end(), formulas.hessian.begin(), formulas.hessian.end());
   for (const Node node : checked) {
@@ -247,11 +232,6 @@ void Constraint::check(const Formulas& formulas, const std::string& path) const 
       throw SceneError(path, "a derivative of it has a constant part that is not finite");
     }
   }
-}
-
-bool Constraint::hasConstantJacobian() const {
-  return std::all_of(row_nodes_.begin(), row_nodes_.end() - 1,
-                     [this](Node entry) { return graph().isConstant(entry); });
 }
 
 void Constraint::makePrograms(const Formulas& formulas) {
@@ -265,9 +245,13 @@ void Constraint::makePrograms(const Formulas& formulas) {
     std::vector<Node> second = {formulas.second};
     second.insert(second.end(), formulas.C.begin(), formulas.C.end());
     residual_and_jacobian_ = Tape(graph, second);
-    partials_ = Tape(graph, formulas.partials);
   }
   countSwitchingFunctions();
+}
+
+bool Constraint::hasConstantJacobian() const {
+  return std::all_of(row_nodes_.begin(), row_nodes_.end() - 1,
+                     [this](Node entry) { return graph().isConstant(entry); });
 }
 
 double Constraint::calcResidual(const StateView& state) const {
@@ -287,31 +271,6 @@ void Constraint::calcRow(const StateView& state, double* C, double* c0) const {
   row_.evaluate(state, values);
   std::copy(values, values + shaftCount(), C);
   *c0 = values[shaftCount()];
-}
-
-void Constraint::calcPartials(const StateView& state, ConstraintPartials& partials) const {
-  partials = {};
-  const double* const values = partials_.evaluate(state);
-  for (std::size_t i = 0; i < partial_slots_.size(); ++i) {
-    const int index = expression::indexOf(partial_slots_[i]);
-    switch (expression::sourceOf(partial_slots_[i])) {
-      case Source::kTime:
-        partials.time = values[i];
-        break;
-      case Source::kAngle:
-        partials.angle[index] = values[i];
-        break;
-      case Source::kVelocity:
-        partials.velocity[index] = values[i];
-        break;
-      case Source::kInput:
-        partials.input[index] = values[i];
-        break;
-      default:
-        partials.acceleration[index] = values[i];
-        break;
-    }
-  }
 }
 
 }  // namespace variator_sim

@@ -124,19 +124,23 @@ CheckPoint startOf(const Scene& scene) {
 /// and is meant to have power.
 bool takesEnergy(const Constraint& constraint, const Scene& scene) {
   constexpr double kRounding = 1e-9;
+  // C, then f
+  std::vector<expression::Node> formulas = constraint.row();
+  formulas.back() = constraint.function();
+  const expression::Tape tape(constraint.graph(), formulas);
+  const int S = scene.shaftCount();
   Random random;
   double degree = std::numeric_limits<double>::quiet_NaN();
   for (int n = 0; n < 16; ++n) {
     const double speed = std::pow(10.0, n / 4);
     const CheckPoint point = scaled(shaken(scene, startOf(scene), 1.0, random), 1.0, speed);
     const double at_rest = constraint.calcResidual(scaled(point, 1.0, 0.0).view());
-    const double f = constraint.calcResidual(point.view());
-    ConstraintPartials partials;
-    constraint.calcPartials(point.view(), partials);
+    const double* const C = tape.evaluate(point.view());
+    const double f = C[S];
     double power = 0.0;
     double size = 0.0;
-    for (int i = 0; i < scene.shaftCount(); ++i) {
-      const double part = partials.velocity[i] * point.velocity[static_cast<std::size_t>(i)];
+    for (int i = 0; i < S; ++i) {
+      const double part = C[i] * point.velocity[static_cast<std::size_t>(i)];
       power += part;
       size += std::abs(part);
     }
