@@ -14,7 +14,6 @@
 #include "variator_sim/component_factory.h"
 #include "variator_sim/constraint.h"
 #include "variator_sim/expression/graph.h"
-#include "variator_sim/inertia.h"
 #include "variator_sim/node_names.h"
 #include "variator_sim/output.h"
 #include "variator_sim/parameter_tree.h"
@@ -59,6 +58,13 @@ struct InitialConditions {
   std::vector<double> acceleration;  ///< rad/s^2; empty: accelerations of least reaction
   bool project = false;              ///< move inconsistent values to consistent ones near them
   double time = 0.0;                 ///< s, of these values: the motion begins there
+};
+
+/// One harmonic of a shaft's inertia: cosine cos(order phi) + sine sin(order phi), kg m^2.
+struct InertiaHarmonic {
+  int order = 1;
+  double cosine = 0.0;
+  double sine = 0.0;
 };
 
 // The memory of a scene: states that are integrated with the motion, and events that set them and

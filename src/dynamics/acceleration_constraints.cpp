@@ -44,9 +44,7 @@ std::vector<expression::Node> sizesOfTerms(expression::Graph& graph,
 AccelerationConstraints::AccelerationConstraints(const Scene& scene)
     : S(scene.shaftCount()),
       scene_(scene),
-      varying_(scene.inertia, scene.inertia_harmonics),
-      J_(S, S),
-      mobility_(S, S),
+      inertia_(scene.inertia, scene.inertia_harmonics),
       torque_(S),
       free_(S),
       constraints_(listOfOrders1And2(scene)),
@@ -55,29 +53,26 @@ AccelerationConstraints::AccelerationConstraints(const Scene& scene)
     nonlinear_ |= it->nonlinearAccelerations();
     for (const ConstraintPtr& kink : it->kinks()) {
       if (kinks_.size() < kMostKinks) kinks_.push_back(kink.get());
-  terms_ = {*scene.graph, sizesOfTerms(*scene.graph, constraints_, S)};
     }
   }
+  terms_ = {*scene.graph, sizesOfTerms(*scene.graph, constraints_, S)};
 }
 
 void AccelerationConstraints::enter(const StateView& state) {
-  varying_.update(state.angle);
+  inertia_.update(state.angle);
   torque_.setZero();
   for (const TorquePtr& it : scene_.torques) it->addTorque(state, torque_.data());
   for (int i = 0; i < S; ++i) {
-    torque_(i) -= 0.5 * varying_.first(i) * state.velocity[i] * state.velocity[i];
-    const Vector unit = Vector::Unit(S, i);
-    varying_.multiply(unit.data(), J_.col(i).data());
-    varying_.solve(unit.data(), mobility_.col(i).data());
+    torque_(i) -= 0.5 * inertia_.first(i) * state.velocity[i] * state.velocity[i];
   }
-  varying_.solve(torque_.data(), free_.data());
+  inertia_.solve(torque_.data(), free_.data());
 }
 
 bool AccelerationConstraints::factor(const StateView& state, double* psi) {
   for (int m = 0; m < rowCount(); ++m) {
     psi[m] = row(m).calcResidualAndJacobian(state, rows_.row(m));
   }
-  return rows_.factor(mobility_);
+  return rows_.factor(mobility());
 }
 
 void AccelerationConstraints::lessen(double* psi, double* delta) const {
@@ -110,6 +105,11 @@ bool AccelerationConstraints::calcMultipliers(const StateView& state, double* la
   for (int m = 0; m < rowCount(); ++m) {
     lambda[m] = 0.0;
     for (int i = 0; i < S; ++i) lambda[m] += rows_.row(m)[i] * (state.acceleration[i] - free_(i));
+  }
+  rows_.solve(lambda, lambda);
+  return true;
+}
+
 double AccelerationConstraints::calcRounding(const StateView& state) const {
   const double* const size = terms_.evaluate(state);
   double largest = 0.0;
@@ -121,11 +121,6 @@ double AccelerationConstraints::calcRounding(const StateView& state) const {
     largest = std::max(largest, size[m] * B.cwiseAbs().maxCoeff() / B.dot(C));
   }
   return 16.0 * std::numeric_limits<double>::epsilon() * largest;
-}
-
-  }
-  rows_.solve(lambda, lambda);
-  return true;
 }
 
 }  // namespace variator_sim

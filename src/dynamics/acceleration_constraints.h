@@ -5,14 +5,14 @@
 #include <vector>
 
 #include "dynamics/constraint_rows.h"
-#include "variator_sim/inertia.h"
+#include "dynamics/inertia.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
 
 class AccelerationConstraints {
  public:
-  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxShafts, 1>;
+  using Vector = Inertia::Vector;
 
   /// `scene` has to outlive it.
   explicit AccelerationConstraints(const Scene& scene);
@@ -28,8 +28,8 @@ class AccelerationConstraints {
 
   /// Takes J, Q and n from a state, whose accelerations are not read.
   void enter(const StateView& state);
-  const SquareMatrix& inertia() const { return J_; }
-  const SquareMatrix& mobility() const { return mobility_; }  ///< J^-1
+  const SquareMatrix& inertia() const { return inertia_.matrix(); }
+  const SquareMatrix& mobility() const { return inertia_.inverse(); }  ///< J^-1
   /// Q - n, N m, which J epsilon would balance without reaction; n = 1/2 J' omega^2.
   const Vector& torque() const { return torque_; }
   const Vector& free() const { return free_; }  ///< J^-1 (Q - n), rad/s^2
@@ -59,14 +59,12 @@ class AccelerationConstraints {
 
   const int S;  // shafts
   const Scene& scene_;
-  Inertia varying_;
-  SquareMatrix J_;
-  SquareMatrix mobility_;
+  Inertia inertia_;
   Vector torque_;
   Vector free_;
-  expression::Tape terms_;  ///< of each row, sum |dpsi/dx x| over all x that it reads
   std::vector<const Constraint*> constraints_;
   std::vector<const Constraint*> kinks_;
+  expression::Tape terms_;  ///< of each row, sum |dpsi/dx x| over all x that it reads
   ShaftSet nonlinear_;
   ConstraintRows rows_;
 };

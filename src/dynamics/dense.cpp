@@ -24,21 +24,14 @@ bool solveSymmetric(const DenseMatrix& A, double least, DenseVector* b) {
   return true;
 }
 
-void invertSymmetric(int n, const double (&A)[kMaxShafts][kMaxShafts],
-                     double (&inverse)[kMaxShafts][kMaxShafts]) {
-  DenseMatrix matrix(n, n);
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < n; ++j) matrix(i, j) = A[i][j];
-  }
-  const Eigen::LDLT<DenseMatrix> factors(matrix);
-  DenseMatrix whole(n, n);
-  for (int j = 0; j < n; ++j) {
-    const DenseVector unit = DenseVector::Unit(n, j);
+SquareMatrix invertSymmetric(const SquareMatrix& A) {
+  const Eigen::LDLT<DenseMatrix> factors(A);
+  DenseMatrix whole(A.rows(), A.cols());
+  for (int j = 0; j < A.cols(); ++j) {
+    const DenseVector unit = DenseVector::Unit(A.rows(), j);
     whole.col(j) = factors.solve(unit);
   }
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < n; ++j) inverse[i][j] = 0.5 * (whole(i, j) + whole(j, i));
-  }
+  return 0.5 * (whole + whole.transpose());
 }
 
 }  // namespace variator_sim

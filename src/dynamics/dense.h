@@ -26,8 +26,7 @@ bool solveScaled(DenseMatrix& A, DenseVector& b, DenseVector* x);
 /// `least`. [loop]
 bool solveSymmetric(const DenseMatrix& A, double least, DenseVector* b);
 
-/// Computes the symmetric inverse of a symmetric positive definite matrix of n rows. [loop]
-void invertSymmetric(int n, const double (&A)[kMaxShafts][kMaxShafts],
-                     double (&inverse)[kMaxShafts][kMaxShafts]);
+/// Returns the symmetric inverse of a symmetric positive definite matrix. [loop]
+SquareMatrix invertSymmetric(const SquareMatrix& A);
 
 }  // namespace variator_sim

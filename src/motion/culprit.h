@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "variator_sim/inertia.h"
+#include "dynamics/inertia.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {

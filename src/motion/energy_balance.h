@@ -10,8 +10,8 @@
 /// The account is a pure observer: it affects no step.
 #pragma once
 
+#include "dynamics/inertia.h"
 #include "dynamics/tolerance.h"
-#include "variator_sim/inertia.h"
 #include "variator_sim/motion_state.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/scene.h"

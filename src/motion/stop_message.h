@@ -4,9 +4,9 @@
 
 #include <string>
 
+#include "dynamics/inertia.h"
 #include "dynamics/least_reaction_search.h"
 #include "motion/culprit.h"
-#include "variator_sim/inertia.h"
 #include "variator_sim/scene.h"
 #include "variator_sim/status.h"
 
