@@ -1,8 +1,15 @@
-// Values of operations.
-#include <cmath>
-#include <limits>
+// Values of operations, and the functions that formulas call.
+#include "expression/operations.h"
 
-#include "variator_sim/expression/graph.h"
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <iterator>
+#include <limits>
+#include <vector>
+
+#include "expression/characters.h"
+#include "variator_sim/expression/parser.h"
 
 namespace variator_sim::expression {
 
@@ -51,6 +58,8 @@ struct Rule {
   Operation operation;
   int operand_count;
   double (*value)(Operands x);  ///< null for what reads more than its operands
+  const char* name = "";        ///< of the function in formulas, "" if there is none
+  const char* latex = "";
 };
 constexpr Rule kRules[] = {
     {Operation::kConstant, 0, nullptr},
@@ -60,28 +69,29 @@ constexpr Rule kRules[] = {
     {Operation::kSubtract, 2, [](Operands x) { return x[0] - x[1]; }},
     {Operation::kMultiply, 2, [](Operands x) { return x[0] * x[1]; }},
     {Operation::kDivide, 2, [](Operands x) { return x[0] / x[1]; }},
-    {Operation::kPower, 2, [](Operands x) { return powerOf(x[0], x[1]); }},
-    {Operation::kSin, 1, [](Operands x) { return std::sin(x[0]); }},
-    {Operation::kCos, 1, [](Operands x) { return std::cos(x[0]); }},
-    {Operation::kTan, 1, [](Operands x) { return std::tan(x[0]); }},
-    {Operation::kAsin, 1, [](Operands x) { return std::asin(x[0]); }},
-    {Operation::kAcos, 1, [](Operands x) { return std::acos(x[0]); }},
-    {Operation::kAtan, 1, [](Operands x) { return std::atan(x[0]); }},
-    {Operation::kAtan2, 2, [](Operands x) { return std::atan2(x[0], x[1]); }},
-    {Operation::kSinh, 1, [](Operands x) { return std::sinh(x[0]); }},
-    {Operation::kCosh, 1, [](Operands x) { return std::cosh(x[0]); }},
-    {Operation::kTanh, 1, [](Operands x) { return std::tanh(x[0]); }},
-    {Operation::kExp, 1, [](Operands x) { return std::exp(x[0]); }},
-    {Operation::kLog, 1, [](Operands x) { return std::log(x[0]); }},
-    {Operation::kSqrt, 1, [](Operands x) { return std::sqrt(x[0]); }},
-    {Operation::kAbs, 1, [](Operands x) { return std::abs(x[0]); }},
-    {Operation::kSign, 1, [](Operands x) { return signOf(x[0]); }},
-    {Operation::kMin, 2, [](Operands x) { return minimumOf(x[0], x[1]); }},
-    {Operation::kMax, 2, [](Operands x) { return maximumOf(x[0], x[1]); }},
+    {Operation::kPower, 2, [](Operands x) { return powerOf(x[0], x[1]); }, "pow", ""},
+    {Operation::kSin, 1, [](Operands x) { return std::sin(x[0]); }, "sin", "\\sin"},
+    {Operation::kCos, 1, [](Operands x) { return std::cos(x[0]); }, "cos", "\\cos"},
+    {Operation::kTan, 1, [](Operands x) { return std::tan(x[0]); }, "tan", "\\tan"},
+    {Operation::kAsin, 1, [](Operands x) { return std::asin(x[0]); }, "asin", "\\arcsin"},
+    {Operation::kAcos, 1, [](Operands x) { return std::acos(x[0]); }, "acos", "\\arccos"},
+    {Operation::kAtan, 1, [](Operands x) { return std::atan(x[0]); }, "atan", "\\arctan"},
+    {Operation::kAtan2, 2, [](Operands x) { return std::atan2(x[0], x[1]); }, "atan2",
+     "\\operatorname{atan2}"},
+    {Operation::kSinh, 1, [](Operands x) { return std::sinh(x[0]); }, "sinh", "\\sinh"},
+    {Operation::kCosh, 1, [](Operands x) { return std::cosh(x[0]); }, "cosh", "\\cosh"},
+    {Operation::kTanh, 1, [](Operands x) { return std::tanh(x[0]); }, "tanh", "\\tanh"},
+    {Operation::kExp, 1, [](Operands x) { return std::exp(x[0]); }, "exp", "\\exp"},
+    {Operation::kLog, 1, [](Operands x) { return std::log(x[0]); }, "log", "\\ln"},
+    {Operation::kSqrt, 1, [](Operands x) { return std::sqrt(x[0]); }, "sqrt", ""},
+    {Operation::kAbs, 1, [](Operands x) { return std::abs(x[0]); }, "abs", ""},
+    {Operation::kSign, 1, [](Operands x) { return signOf(x[0]); }, "sign", "\\operatorname{sgn}"},
+    {Operation::kMin, 2, [](Operands x) { return minimumOf(x[0], x[1]); }, "min", "\\min"},
+    {Operation::kMax, 2, [](Operands x) { return maximumOf(x[0], x[1]); }, "max", "\\max"},
     {Operation::kTable, 1, nullptr},
     {Operation::kTable2, 2, nullptr},
     {Operation::kOpaque, 4, nullptr},
-    {Operation::kSelect, 4, [](Operands x) { return selectOf(x[0], x[1], x[2], x[3]); }},
+    {Operation::kSelect, 4, [](Operands x) { return selectOf(x[0], x[1], x[2], x[3]); }, "if", ""},
     {Operation::kWhereFinite, 2, [](Operands x) { return whereFinite(x[0], x[1]); }}};
 
 constexpr const Rule& ruleOf(Operation operation) {
@@ -96,6 +106,17 @@ constexpr bool areInOrder() {
 }
 static_assert(areInOrder(), "a rule stands at its operation's number");
 
+constexpr Function kClamp = {"clamp", 3, Operation::kConstant, ""};
+
+template <class Is>
+std::optional<Function> find(Is is) {
+  const auto* const it = std::find_if(std::begin(kRules), std::end(kRules), is);
+  if (it == std::end(kRules)) return {};
+  // A comparison is one argument.
+  const int arguments = it->operation == Operation::kSelect ? 3 : it->operand_count;
+  return Function{it->name, arguments, it->operation, it->latex};
+}
+
 }  // namespace
 
 int operandCount(Operation operation) {
@@ -104,6 +125,49 @@ int operandCount(Operation operation) {
 
 double evaluateOperation(Operation operation, const double* operands) {
   return ruleOf(operation).value(operands);
+}
+
+std::optional<Function> findFunction(const std::string& name) {
+  if (name == kClamp.name) return kClamp;
+  return find([&](const Rule& it) { return !name.empty() && name == it.name; });
+}
+
+std::optional<Function> findFunction(Operation operation) {
+  return find([&](const Rule& it) { return operation == it.operation && *it.name != 0; });
+}
+
+std::vector<std::string> functionNames() {
+  std::vector<std::string> names = {kClamp.name};
+  for (const Rule& it : kRules) {
+    if (*it.name != 0) names.emplace_back(it.name);
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+std::string explainForeignWord(const std::string& word) {
+  const auto is_one_of = [&word](std::initializer_list<const char*> words) {
+    return std::find(words.begin(), words.end(), word) != words.end();
+  };
+  if (is_one_of({"and", "&", "or", "|"})) {
+    return "'if' takes one comparison; both hold in if(a < b, if(c < d, x, y), y), one or both in "
+           "if(a < b, x, if(c < d, x, y))";
+  }
+  if (is_one_of({"not", "!"})) {
+    return "the opposite of a comparison exchanges the two values of its 'if'";
+  }
+  if (is_one_of({"delay", "delayed", "transport_delay"})) {
+    return "the value of x from 0.2 s ago is delay(x, 0.2), in formulas of scenes";
+  }
+  if (!is_one_of({"integral", "integrate", "integ", "int", "cumsum"})) return "";
+  return "the integral of a speed is an angle, phi_SHAFT; that of anything else is a state of the "
+         "scene, states: [z] with z: {rate: FORMULA} (doc/scene.md); over a run it is the metric "
+         "integral(COLUMN) of a sweep";
+}
+
+bool isValidName(const std::string& name) {
+  return !name.empty() && isNameStart(name.front()) &&
+         std::all_of(name.begin(), name.end(), [](char c) { return isNameStart(c) || isDigit(c); });
 }
 
 }  // namespace variator_sim::expression

@@ -5,7 +5,7 @@
 #include <set>
 
 #include "characters.h"
-#include "function_table.h"
+#include "operations.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
 
@@ -134,7 +134,7 @@ Variables nameVariables(const ComponentContext& context, FormulaKind kind, Graph
 
 std::string describeTakenName(const std::string& name, const std::vector<std::string>& shafts) {
   if (name == "pi") return "already the name of a number";
-  if (findFunction(name) != nullptr) return "already the name of a function";
+  if (findFunction(name)) return "already the name of a function";
   const bool is_variable = name == "t" || std::any_of(std::begin(kPrefixes), std::end(kPrefixes),
                                                       [&](const char* prefix) {
                                                         return isVariable(name, prefix, shafts);

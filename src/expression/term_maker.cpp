@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "expression/function_table.h"
+#include "expression/operations.h"
 
 namespace variator_sim::expression {
 
@@ -145,8 +145,8 @@ class TermMaker {
     arguments.reserve(4);
     for (int p = 0; p < operandCount(entry.operation); ++p) arguments.push_back(operand(p));
     // An opaque function has no name.
-    const Function* const function = findFunction(entry.operation);
-    return makeCall(function == nullptr ? Symbol{} : Symbol{function->name, function->latex},
+    const std::optional<Function> function = findFunction(entry.operation);
+    return makeCall(function ? Symbol{function->name, function->latex} : Symbol{},
                     std::move(arguments));
   }
 

@@ -1,6 +1,7 @@
 /// The functions that formulas can call.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "variator_sim/expression/graph.h"
@@ -14,10 +15,10 @@ struct Function {
   const char* latex;
 };
 
-/// Returns the function of that name, or nullptr. parser.h has the list of names.
-const Function* findFunction(const std::string& name);
-/// Returns the function of an operation, or nullptr.
-const Function* findFunction(Operation operation);
+/// Returns the function of that name. parser.h has the list of names.
+std::optional<Function> findFunction(const std::string& name);
+/// Returns the function of an operation.
+std::optional<Function> findFunction(Operation operation);
 
 /// Explains the formula's equivalent of a `word` of other languages ("and", "integral"), or "".
 std::string explainForeignWord(const std::string& word);
