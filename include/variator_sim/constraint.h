@@ -113,7 +113,4 @@ class Constraint : public Law {
   std::vector<ConstraintPtr> kinks_;
 };
 
-/// An older name of the class.
-using FormulaConstraint = Constraint;
-
 }  // namespace variator_sim

@@ -46,7 +46,5 @@ class Torque : public Law {
 };
 
 using TorquePtr = std::shared_ptr<Torque>;
-/// An older name of the class.
-using FormulaTorque = Torque;
 
 }  // namespace variator_sim

@@ -1,4 +1,0 @@
-/// FormulaConstraint, an older name of Constraint.
-#pragma once
-
-#include "variator_sim/constraint.h"

@@ -1,4 +1,0 @@
-/// FormulaTorque, an older name of Torque.
-#pragma once
-
-#include "variator_sim/torque.h"
