@@ -124,9 +124,8 @@ void warnOfEnergy(const Constraint& constraint, Scene* scene);
 /// at the first entry that does not fit, with both values and the arguments.
 ///
 /// Differences are noisy and blind at kinks, so an entry is rejected only if they are certain: they
-/// converge as the step shrinks, they agree from both sides, and their limit is not the stated
-/// value; and all that at a second state nearby as well. Arguments with values that are not finite
-/// are skipped.
+/// converge as the step shrinks, and their limit is not the stated value; and all that at a second
+/// state nearby, off a kink, as well. Arguments with values that are not finite are skipped.
 void verifyDerivatives(const Scene& scene);
 
 }  // namespace variator_sim
