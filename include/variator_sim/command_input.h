@@ -66,6 +66,19 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
 /// u(t) since the last command: one closed form between two events.
 class CommandSignal {
  public:
+  struct Closed {
+    enum Form { kConstant, kRamp, kExponential, kCritical };  ///< numbered as in runtime/inputs.h
+    Form form = kConstant;
+    double start = 0.0;
+    double target = 0.0;
+    double slope = 0.0;        ///< of kRamp
+    double inverse_tau = 0.0;  ///< of kExponential and kCritical
+    double linear = 0.0;       ///< of kCritical: b of u = target + (a + b x) exp(-x)
+    double since = 0.0;
+    double end = std::numeric_limits<double>::infinity();
+  };
+  const Closed& closed() const { return it_; }
+
   /// Sets the constant u = `settings.initial`.
   void reset(const CommandInputSettings& settings);
 
@@ -85,26 +98,12 @@ class CommandSignal {
   };
   /// Returns u and its rates at `time`, at or after the last event. [loop]
   Moment at(double time) const;
-  double value(double time) const { return at(time).value; }
-  double rate(double time) const { return at(time).rate; }
-  double secondRate(double time) const { return at(time).second_rate; }
   /// Returns the end of the current closed form (a ramp or a lag arrives), or infinity.
-  double segmentEnd() const { return segment_end_; }
+  double segmentEnd() const { return it_.end; }
   /// Moves past `segmentEnd()`: u stays at its target from there.
   void finishSegment();
-  /// The closed form, for programs that step by it themselves.
-  struct Closed {
-    int form;  ///< 0 constant, 1 ramp, 2 exponential, 3 critical
-    double start, target, slope, inverse_tau, linear, since, end;
-  };
-  Closed closed() const {
-    return {static_cast<int>(form_), start_value_, target_,     slope_,
-            inverse_time_constant_,  linear_,      start_time_, segment_end_};
-  }
-  /// True when u' = 0 for good: the input costs nothing per stage.
-  bool isConstant() const { return form_ == Form::kConstant; }
   /// Returns the limit of u.
-  double target() const { return target_; }
+  double target() const { return it_.target; }
 
   /// Saves and restores the closed form to the bit. Throws SceneError for a form that no input with
   /// these settings has.
@@ -116,15 +115,7 @@ class CommandSignal {
   /// returns how long it takes, s; 0: the constant u of a jump.
   double setForm(const CommandInputSettings& settings);
 
-  enum class Form { kConstant, kRamp, kExponential, kCritical };  ///< numbered as in Closed
-  Form form_ = Form::kConstant;
-  double start_time_ = 0.0;
-  double start_value_ = 0.0;
-  double target_ = 0.0;
-  double slope_ = 0.0;                  ///< of kRamp
-  double inverse_time_constant_ = 0.0;  ///< of kExponential and kCritical
-  double linear_ = 0.0;                 ///< of kCritical: b of u = target + (a + b x) exp(-x)
-  double segment_end_ = std::numeric_limits<double>::infinity();
+  Closed it_;
 };
 
 }  // namespace variator_sim

@@ -161,28 +161,26 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
 }
 
 void CommandSignal::reset(const CommandInputSettings& settings) {
-  *this = CommandSignal();
-  start_value_ = settings.initial;
-  target_ = settings.initial;
+  it_ = {};
+  it_.start = it_.target = settings.initial;
 }
 
 bool CommandSignal::command(const CommandInputSettings& settings, double time, double value,
                             double resolution) {
-  const double present = this->value(time);
-  const double present_rate = this->rate(time);
-  *this = CommandSignal();
-  start_time_ = time;
-  start_value_ = present;
-  target_ = value;
+  const auto [present, present_rate, second_rate] = at(time);
+  it_ = {};
+  it_.since = time;
+  it_.start = present;
+  it_.target = value;
   const bool goes_on = settings.hold == Hold::kSecondOrderLag && present_rate != 0.0;
   if (value == present && !goes_on) return false;
   const double duration = setForm(settings);
   if (time + duration > time && duration > resolution) {
     // b = a + tau u' gives the rate at x = 0.
-    if (form_ == Form::kCritical) {
-      linear_ = present - value + settings.time_constant * present_rate;
+    if (it_.form == Closed::kCritical) {
+      it_.linear = present - value + settings.time_constant * present_rate;
     }
-    segment_end_ = time + duration;
+    it_.end = time + duration;
     return false;
   }
   // A jump, or the remainder of a ramp shorter than the resolution of time.
@@ -191,62 +189,63 @@ bool CommandSignal::command(const CommandInputSettings& settings, double time, d
 }
 
 double CommandSignal::setForm(const CommandInputSettings& settings) {
-  const double way = target_ - start_value_;
+  const double way = it_.target - it_.start;
   switch (settings.hold) {
     case Hold::kZeroOrder:
       break;
     case Hold::kFirstOrderLag:
     case Hold::kSecondOrderLag:
-      form_ = settings.hold == Hold::kFirstOrderLag ? Form::kExponential : Form::kCritical;
-      inverse_time_constant_ = 1.0 / settings.time_constant;
+      it_.form = settings.hold == Hold::kFirstOrderLag ? Closed::kExponential : Closed::kCritical;
+      it_.inverse_tau = 1.0 / settings.time_constant;
       return kSettled * settings.time_constant;
     case Hold::kRateLimit:
-      form_ = Form::kRamp;
-      slope_ = way > 0.0 ? settings.rate : -settings.rate;
-      return way / slope_;
+      it_.form = Closed::kRamp;
+      it_.slope = way > 0.0 ? settings.rate : -settings.rate;
+      return way / it_.slope;
     case Hold::kFirstOrderHold:
-      form_ = Form::kRamp;
-      slope_ = way / settings.period;
+      it_.form = Closed::kRamp;
+      it_.slope = way / settings.period;
       return settings.period;
   }
   return 0.0;
 }
 
 CommandSignal::Moment CommandSignal::at(double time) const {
-  switch (form_) {
-    case Form::kConstant:
+  switch (it_.form) {
+    case Closed::kConstant:
       break;
-    case Form::kExponential:  // b = 0
-    case Form::kCritical: {
+    case Closed::kExponential:  // b = 0
+    case Closed::kCritical: {
       // u = target + (a + b x) exp(-x), x = (t - start) / tau
-      const double x = (time - start_time_) * inverse_time_constant_;
-      const double a = start_value_ - target_;
+      const double x = (time - it_.since) * it_.inverse_tau;
+      const double a = it_.start - it_.target;
       const double decay = std::expm1(-x);
       const double factor = 1.0 + decay;
-      const double rate = factor * inverse_time_constant_;
-      return {start_value_ + a * decay + linear_ * x * factor, (linear_ - a - linear_ * x) * rate,
-              form_ == Form::kCritical
-                  ? (a - 2.0 * linear_ + linear_ * x) * inverse_time_constant_ * rate
+      const double rate = factor * it_.inverse_tau;
+      return {it_.start + a * decay + it_.linear * x * factor,
+              (it_.linear - a - it_.linear * x) * rate,
+              it_.form == Closed::kCritical
+                  ? (a - 2.0 * it_.linear + it_.linear * x) * it_.inverse_tau * rate
                   : 0.0};
     }
-    case Form::kRamp: {
-      const double rate = time <= segment_end_ ? slope_ : 0.0;
-      if (time >= segment_end_) return {target_, rate, 0.0};
-      const double u = start_value_ + slope_ * (time - start_time_);
-      return {slope_ > 0.0 ? std::min(u, target_) : std::max(u, target_), rate, 0.0};
+    case Closed::kRamp: {
+      const double rate = time <= it_.end ? it_.slope : 0.0;
+      if (time >= it_.end) return {it_.target, rate, 0.0};
+      const double u = it_.start + it_.slope * (time - it_.since);
+      return {it_.slope > 0.0 ? std::min(u, it_.target) : std::max(u, it_.target), rate, 0.0};
     }
   }
-  return {start_value_, 0.0, 0.0};
+  return {it_.start, 0.0, 0.0};
 }
 
 ParameterTree CommandSignal::toTree() const {
-  ParameterTree::Dictionary tree{{"value", ParameterTree::real(start_value_)}};
-  if (form_ != Form::kConstant) {
-    tree["since"] = ParameterTree::real(start_time_);
-    tree["target"] = ParameterTree::real(target_);
-    tree["until"] = ParameterTree::real(segment_end_);
+  ParameterTree::Dictionary tree{{"value", ParameterTree::real(it_.start)}};
+  if (it_.form != Closed::kConstant) {
+    tree["since"] = ParameterTree::real(it_.since);
+    tree["target"] = ParameterTree::real(it_.target);
+    tree["until"] = ParameterTree::real(it_.end);
   }
-  if (form_ == Form::kCritical) tree["linear"] = ParameterTree::real(linear_);
+  if (it_.form == Closed::kCritical) tree["linear"] = ParameterTree::real(it_.linear);
   return ParameterTree::dictionary(std::move(tree));
 }
 
@@ -255,44 +254,42 @@ CommandSignal CommandSignal::fromTree(ParameterReader& reader,
   CommandSignal signal;
   const Range limits = Range::between(settings.minimum, settings.maximum);
   const bool is_moving = settings.hold != Hold::kZeroOrder && reader.has("target");
-  signal.start_value_ = reader.number("value", is_moving ? Range::any() : limits);
-  signal.target_ = signal.start_value_;
+  signal.it_.start = reader.number("value", is_moving ? Range::any() : limits);
+  signal.it_.target = signal.it_.start;
   if (!is_moving) return signal;
-  signal.target_ = reader.number("target", limits);
+  signal.it_.target = reader.number("target", limits);
   Range past;
   past.maximum = 0.0;
-  signal.start_time_ = reader.number("since", past);
-  signal.segment_end_ = reader.number("until", Range::atLeast(signal.start_time_));
-  const double way = signal.target_ - signal.start_value_;
+  signal.it_.since = reader.number("since", past);
+  signal.it_.end = reader.number("until", Range::atLeast(signal.it_.since));
+  const double way = signal.it_.target - signal.it_.start;
   const double duration = signal.setForm(settings);
-  if (signal.form_ == Form::kCritical) signal.linear_ = reader.number("linear");
+  if (signal.it_.form == Closed::kCritical) signal.it_.linear = reader.number("linear");
   // Saved times are a few roundings off. A value that arrives at another time than 'until' would
   // stand still while its rate does not.
-  const double end = signal.start_time_ + duration;
-  const double rounding = 1e-9 * (duration + std::abs(signal.start_time_));
-  if (!(duration > 0.0) || !std::isfinite(way) ||
-      !(std::abs(signal.segment_end_ - end) <= rounding)) {
+  const double end = signal.it_.since + duration;
+  const double rounding = 1e-9 * (duration + std::abs(signal.it_.since));
+  if (!(duration > 0.0) || !std::isfinite(way) || !(std::abs(signal.it_.end - end) <= rounding)) {
     throw reader.error(
-        "until", formatNumber(signal.segment_end_) +
+        "until", formatNumber(signal.it_.end) +
                      " s contradicts 'value', 'target' and 'since': by this input's hold (" +
-                     toString(settings.hold) + ") the way from " +
-                     formatNumber(signal.start_value_) + " to " + formatNumber(signal.target_) +
-                     " ends at " + formatNumber(end) +
+                     toString(settings.hold) + ") the way from " + formatNumber(signal.it_.start) +
+                     " to " + formatNumber(signal.it_.target) + " ends at " + formatNumber(end) +
                      " s; allowed: that time, or 'value' alone for an input that stands still");
   }
   return signal;
 }
 
 void CommandSignal::moveOrigin(double by) {
-  start_time_ -= by;
-  segment_end_ -= by;
+  it_.since -= by;
+  it_.end -= by;
 }
 
 void CommandSignal::finishSegment() {
-  form_ = Form::kConstant;
-  start_value_ = target_;
-  slope_ = 0.0;
-  segment_end_ = std::numeric_limits<double>::infinity();
+  it_.form = Closed::kConstant;
+  it_.start = it_.target;
+  it_.slope = 0.0;
+  it_.end = std::numeric_limits<double>::infinity();
 }
 
 }  // namespace variator_sim
