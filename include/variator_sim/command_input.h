@@ -55,6 +55,10 @@ struct CommandInputSettings {
 /// nearest topic and all others.
 int findInput(const std::vector<CommandInputSettings>& inputs, const std::string& topic);
 
+/// Adds an input of a scene; returns its index. Throws SceneError at `path` for one too many.
+int addTo(std::vector<CommandInputSettings>& inputs, const CommandInputSettings& input,
+          const std::string& path);
+
 /// Returns a sentence that `command` lies outside of [minimum, maximum].
 std::string describeClamped(const CommandInputSettings& settings, double command);
 

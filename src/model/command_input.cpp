@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "expression/characters.h"
+#include "variator_sim/types.h"
 
 namespace variator_sim {
 namespace {
@@ -91,6 +92,17 @@ int findInput(const std::vector<CommandInputSettings>& inputs, const std::string
                               "; " +
                               (topics.empty() ? "this scene takes no commands"
                                               : "the scene's topics are " + joinNames(topics)));
+}
+
+int addTo(std::vector<CommandInputSettings>& inputs, const CommandInputSettings& input,
+          const std::string& path) {
+  if (inputs.size() >= static_cast<std::size_t>(kMaxInputs)) {
+    throw SceneError(path, inQuotes(input.name) +
+                               " is one input, variable, state or delay too many; allowed: " +
+                               std::to_string(kMaxInputs) + " in one scene");
+  }
+  inputs.push_back(input);
+  return static_cast<int>(inputs.size()) - 1;
 }
 
 std::string describeClamped(const CommandInputSettings& settings, double command) {

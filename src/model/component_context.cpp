@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "variator_sim/types.h"
-
 namespace variator_sim {
 
 int ComponentContext::readShaft(const std::string& key) {
@@ -40,15 +38,7 @@ int ComponentContext::addInput(const CommandInputSettings& settings) {
                                  "; every commanded input needs a topic of its own");
     }
   }
-  if (inputs_.size() >= static_cast<std::size_t>(kMaxInputs)) {
-    throw SceneError(path, "topic " + inQuotes(settings.topic) +
-                               " is one commanded input too many; allowed: " +
-                               std::to_string(kMaxInputs) + " in one scene");
-  }
-  inputs_.push_back(settings);
-  const int index = static_cast<int>(inputs_.size()) - 1;
-  used_inputs_.insert(index);
-  return index;
+  return *used_inputs_.insert(addTo(inputs_, settings, path)).first;
 }
 
 void ComponentContext::limitInput(int index, const Range& range) {
@@ -63,12 +53,8 @@ int ComponentContext::addDelay(expression::Node node, double seconds, const std:
   const auto same = std::find_if(inputs_.begin(), inputs_.end(), [&](const auto& other) {
     return other.kind == InputKind::kDelayed && other.delayed == node && other.delay == seconds;
   });
-  const int index = static_cast<int>(same - inputs_.begin());
-  used_inputs_.insert(index);
-  if (same != inputs_.end()) return index;
-  if (inputs_.size() >= static_cast<std::size_t>(kMaxInputs)) {
-    throw SceneError(path, inQuotes(text) + " is one input, variable, state or delay too many; " +
-                               "allowed: " + std::to_string(kMaxInputs) + " in one scene");
+  if (same != inputs_.end()) {
+    return *used_inputs_.insert(static_cast<int>(same - inputs_.begin())).first;
   }
   CommandInputSettings made;
   made.kind = InputKind::kDelayed;
@@ -76,8 +62,7 @@ int ComponentContext::addDelay(expression::Node node, double seconds, const std:
   made.owner = name_;
   made.delayed = node;
   made.delay = seconds;
-  inputs_.push_back(made);
-  return index;
+  return *used_inputs_.insert(addTo(inputs_, made, path)).first;
 }
 
 int ComponentContext::useInput(const std::string& name, const std::string& path) {

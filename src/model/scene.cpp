@@ -174,8 +174,7 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
     throwUnknownType(kind, other, factory, reader.keyPath("type"), type);
   }
 
-  ComponentContext context(name, reader, scene->shafts, scene->inputs, scene->symbols, scene->graph,
-                           factory.libraries());
+  ComponentContext context = contextOf(name, reader, scene, factory.libraries());
   endIfInterrupted();
   try {
     component->configure(context);
@@ -403,8 +402,7 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
   for (const std::string& name : names.outputs) {
     faults.collect([&] {
       ParameterReader reader = root.section(name);
-      ComponentContext context(name, reader, scene.shafts, scene.inputs, scene.symbols,
-                               scene.graph);
+      ComponentContext context = contextOf(name, reader, &scene);
       scene.outputs.emplace_back(context);
       reader.finish();
       if (expression::describeTakenName(name, scene.shafts).empty())

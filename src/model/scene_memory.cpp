@@ -29,16 +29,11 @@ int declare(InputKind kind, const std::string& name, const std::string& path, do
     throw SceneError(path, inQuotes(name) + " is the topic of " + inQuotes(same->owner) +
                                "; choose another name");
   }
-  if (scene->inputs.size() >= static_cast<std::size_t>(kMaxInputs)) {
-    throw SceneError(path, inQuotes(name) + " is one input, variable or state too many; allowed: " +
-                               std::to_string(kMaxInputs) + " in one scene");
-  }
   CommandInputSettings input;
   input.kind = kind;
   input.topic = input.name = input.owner = name;
   input.initial = initial;
-  scene->inputs.push_back(input);
-  return scene->symbols.inputs[name] = scene->inputCount() - 1;
+  return scene->symbols.inputs[name] = addTo(scene->inputs, input, path);
 }
 
 void declareState(const std::string& name, const std::string& path, double initial, Scene* scene) {
@@ -46,11 +41,6 @@ void declareState(const std::string& name, const std::string& path, double initi
   state.input = declare(InputKind::kState, name, path, initial, scene);
   state.rate = scene->graph->constant(0.0);
   scene->states.push_back(state);
-}
-
-/// The context of formulas of `reader`, which must outlive it.
-ComponentContext contextOf(const std::string& name, ParameterReader& reader, Scene* scene) {
-  return {name, reader, scene->shafts, scene->inputs, scene->symbols, scene->graph};
 }
 
 /// Reads a formula whose switching functions the motion is searched for. Throws SceneError.
