@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace variator_sim {
 
@@ -12,6 +13,8 @@ bool LeastReactionSolver::solve(const StateView& given, unsigned corner, double*
   if (row_count_ > S) return false;
   StateView state = given;
   state.acceleration = epsilon;
+  Eigen::Map<Vector> at(epsilon, S);
+  Eigen::Map<Vector> lambda(multipliers, row_count_);
   Vector step;
   if (!calcStep(state, epsilon, multipliers, &step)) return false;
   // Near equilibrium epsilon is the small difference of large terms; this is what they round to.
@@ -24,17 +27,13 @@ bool LeastReactionSolver::solve(const StateView& given, unsigned corner, double*
     // Natural monotonicity (Deuflhard): the next step, which does not depend on how the equations
     // are scaled, must be shorter; halve otherwise.
     double fraction = 1.0;
-    double epsilon_old[kMaxShafts];
-    double multipliers_old[kMaxShafts];
-    std::copy_n(epsilon, S, epsilon_old);
-    std::copy_n(multipliers, row_count_, multipliers_old);
+    const Vector epsilon_old = at;
+    const Vector multipliers_old = lambda;
     Vector next;
     bool shorter = false;
     for (int halving = 0; halving < most_halvings && !shorter; ++halving, fraction *= 0.5) {
-      for (int i = 0; i < S; ++i) epsilon[i] = epsilon_old[i] + fraction * step(i);
-      for (int m = 0; m < row_count_; ++m) {
-        multipliers[m] = multipliers_old[m] + fraction * step(S + m);
-      }
+      at = epsilon_old + fraction * step.head(S);
+      lambda = multipliers_old + fraction * step.tail(row_count_);
       if (!calcStep(state, epsilon, multipliers, &next)) continue;
       shorter =
           calcLength(next) <= (1.0 - 0.25 * fraction) * length || isSmall(next, epsilon, rounding);
@@ -46,8 +45,8 @@ bool LeastReactionSolver::solve(const StateView& given, unsigned corner, double*
     }
     if (isSmall(next, epsilon, rounding)) {
       // The last correction is below what can be told apart; make it, and polish psi alone.
-      for (int i = 0; i < S; ++i) epsilon[i] += next(i);
-      for (int m = 0; m < row_count_; ++m) multipliers[m] += next(S + m);
+      at += next.head(S);
+      lambda += next.tail(row_count_);
       if (corner != 0) return true;
       return project(state, epsilon) && isConsistent(state);
     }
@@ -130,31 +129,23 @@ bool LeastReactionSolver::isConsistent(const StateView& state, double allowed) {
   return distance <= constraints_.calcRounding(state);
 }
 
-bool LeastReactionSolver::calcKinks(const StateView& given, const double* epsilon,
-                                    KinkValues* values) const {
-  const std::vector<const Constraint*>& kinks = constraints_.kinks();
+int LeastReactionSolver::findNearestKinks(const StateView& given, const double* epsilon,
+                                          int* nearest) const {
   StateView state = given;
   state.acceleration = epsilon;
-  for (int i = 0; i < S; ++i) {
-    values->epsilon[i] = epsilon[i];
-    values->scale = std::max(values->scale, std::abs(epsilon[i]));
+  std::pair<double, int> kinks[kMostKinks];  // by their distances from epsilon
+  int count = 0;
+  for (const Constraint* const kink : constraints_.kinks()) {
+    Vector slope(S);
+    const double value = kink->calcResidualAndJacobian(state, slope.data());
+    if (!std::isfinite(value)) return 0;
+    kinks[count] = {value == 0.0 ? 0.0 : std::abs(value) / slope.cwiseAbs().maxCoeff(), count};
+    ++count;
   }
-  values->count = static_cast<int>(kinks.size());
-  for (int j = 0; j < values->count; ++j) {
-    double* C = values->gradient[j];
-    const double value = kinks[static_cast<std::size_t>(j)]->calcResidualAndJacobian(state, C);
-    if (!std::isfinite(value)) return false;
-    double length = 0.0;
-    for (int i = 0; i < S; ++i) length = std::max(length, std::abs(C[i]));
-    values->distance[j] = value == 0.0 ? 0.0 : std::abs(value) / length;
-    int place = j;
-    for (; place > 0 && values->distance[values->nearest[place - 1]] > values->distance[j];
-         --place) {
-      values->nearest[place] = values->nearest[place - 1];
-    }
-    values->nearest[place] = j;
-  }
-  return true;
+  std::sort(kinks, kinks + count);
+  count = std::min(count, kMostMeeting);
+  for (int n = 0; n < count; ++n) nearest[n] = kinks[n].second;
+  return count;
 }
 
 void LeastReactionSolver::select(unsigned corner) {
@@ -171,41 +162,28 @@ bool LeastReactionSolver::calcStep(const StateView& state, const double* epsilon
                                    const double* multipliers, Vector* step) {
   //  [ J - sum lambda_m H_m   -C^T ] [d epsilon]     [ J epsilon + n - Q - C^T lambda ]
   //  [ C                       0   ] [d lambda ] = - [ psi                            ]
-  Matrix K = makeInertiaBlock();
+  Matrix K = Matrix::Zero(S + row_count_, S + row_count_);
+  K.topLeftCorner(S, S) = constraints_.inertia();
   Vector right(S + row_count_);
   Vector force =  // J epsilon + n - Q - C^T lambda
       constraints_.inertia() * Eigen::Map<const Vector>(epsilon, S) - constraints_.torque();
   for (int m = 0; m < row_count_; ++m) {
-    double C[kMaxShafts];
+    Vector C(S);
     double H[kMaxShafts * kMaxShafts];
-    right(S + m) = -rows_[m]->calcResidualAndJacobian(state, C);
-    rows_[m]->calcHessian(state, H);
-    addRow(m, C, H, multipliers[m], &K);
-    for (int i = 0; i < S; ++i) force(i) -= C[i] * multipliers[m];
+    right(S + m) = -rows_[m]->calcResidualAndJacobian(state, C.data());
+    rows_[m]->calcHessian(state, H);  // symmetric
+    K.row(S + m).head(S) = C;
+    K.col(S + m).head(S) = -C;
+    K.topLeftCorner(S, S) -= multipliers[m] * Eigen::Map<const Eigen::MatrixXd>(H, S, S);
+    force -= C * multipliers[m];
   }
   right.head(S) = -force;
   return solveScaled(K, right, step);
 }
 
-LeastReactionSolver::Matrix LeastReactionSolver::makeInertiaBlock() const {
-  Matrix K = Matrix::Zero(S + row_count_, S + row_count_);
-  K.topLeftCorner(S, S) = constraints_.inertia();
-  return K;
-}
-
-void LeastReactionSolver::addRow(int m, const double* C, const double* H, double multiplier,
-                                 Matrix* K) const {
-  for (int i = 0; i < S; ++i) {
-    (*K)(S + m, i) = C[i];
-    (*K)(i, S + m) = -C[i];
-    for (int j = 0; j < S; ++j) (*K)(i, j) -= multiplier * H[i * S + j];
-  }
-}
-
 bool LeastReactionSolver::isSmall(const Vector& step, const double* epsilon,
                                   double rounding) const {
-  double scale = 0.0;
-  for (int i = 0; i < S; ++i) scale = std::max(scale, std::abs(epsilon[i]));
+  const double scale = Eigen::Map<const Vector>(epsilon, S).cwiseAbs().maxCoeff();
   // Quadratic convergence: the step after one of 1e-9 is lost in rounding.
   return calcLength(step) <= std::max(1e-9 * scale, rounding);
 }

@@ -31,15 +31,22 @@ class LeastReactionSolver {
   /// Calls `found(epsilon)` for every corner that the nearest kinks make, from `epsilon`.
   template <class Found>
   void solveCorners(const StateView& given, const double* epsilon, Found found) {
-    if (constraints_.kinks().empty()) return;
-    KinkValues values;
-    if (!calcKinks(given, epsilon, &values)) return;
-    forEachCorner(values, [&](unsigned set) {
+    int nearest[kMostMeeting];
+    const int most = findNearestKinks(given, epsilon, nearest);
+    for (unsigned pick = 1; pick < 1U << static_cast<unsigned>(most); ++pick) {
+      unsigned set = 0;
+      int size = constraints_.rowCount();
+      for (int n = 0; n < most; ++n) {
+        if (!contains(pick, n)) continue;
+        set |= 1U << static_cast<unsigned>(nearest[n]);
+        ++size;
+      }
+      if (size > S) continue;
       double corner[kMaxShafts];
       double multipliers[kMaxShafts] = {};
       std::copy_n(epsilon, S, corner);
       if (solve(given, set, corner, multipliers)) found(corner);
-    });
+    }
   }
 
   /// Moves `epsilon`, to which `state` points, onto psi = 0 near by. False when that fails.
@@ -55,33 +62,9 @@ class LeastReactionSolver {
   using Matrix = DenseMatrix;
   using Vector = DenseVector;
 
-  struct KinkValues {
-    double epsilon[kMaxShafts] = {};
-    int count = 0;
-    int nearest[kMostKinks] = {};      ///< kinks, the nearest first
-    double distance[kMostKinks] = {};  ///< from epsilon, by kink
-    double gradient[kMostKinks][kMaxShafts] = {};
-    double scale = 0.0;  ///< of epsilon
-  };
-
-  bool calcKinks(const StateView& given, const double* epsilon, KinkValues* values) const;
-
-  /// Calls `visit` with every set of the nearest kinks that leaves at most S equations.
-  template <class Visit>
-  void forEachCorner(const KinkValues& values, Visit visit) const {
-    const int most = std::min(values.count, kMostMeeting);
-    const int room = S - constraints_.rowCount();
-    for (unsigned pick = 1; pick < 1U << static_cast<unsigned>(most); ++pick) {
-      unsigned set = 0;
-      int size = 0;
-      for (int n = 0; n < most; ++n) {
-        if ((pick >> static_cast<unsigned>(n) & 1U) == 0U) continue;
-        set |= 1U << static_cast<unsigned>(values.nearest[n]);
-        ++size;
-      }
-      if (size <= room) visit(set);
-    }
-  }
+  /// Writes the kinks nearest to `epsilon`, at most kMostMeeting, the nearest first; returns their
+  /// number, 0 if one is not finite there.
+  int findNearestKinks(const StateView& given, const double* epsilon, int* nearest) const;
 
   /// Returns true if kink j is in the set.
   static bool contains(unsigned set, int j) { return (set >> static_cast<unsigned>(j) & 1U) != 0U; }
@@ -97,11 +80,6 @@ class LeastReactionSolver {
   /// False when the matrix is singular or not finite.
   bool calcStep(const StateView& state, const double* epsilon, const double* multipliers,
                 Vector* step);
-
-  /// J in its place of a matrix for the accelerations and a multiplier of each row.
-  Matrix makeInertiaBlock() const;
-  /// C, -C^T and - multiplier H of row m.
-  void addRow(int m, const double* C, const double* H, double multiplier, Matrix* K) const;
 
   double calcLength(const Vector& step) const { return step.head(S).cwiseAbs().maxCoeff(); }
 
