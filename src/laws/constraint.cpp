@@ -227,10 +227,8 @@ void Constraint::check(const Formulas& formulas, const std::string& path) const 
   std::vector<Node> checked = formulas.C;
   checked.push_back(formulas.c0);
   checked.insert(checked.end(), formulas.hessian.begin(), formulas.hessian.end());
-  for (const Node node : checked) {
-    if (graph.hasNonFiniteConstant(node)) {
-      throw SceneError(path, "a derivative of it has a constant part that is not finite");
-    }
+  if (graph.hasNonFiniteConstant(checked)) {
+    throw SceneError(path, "a derivative of it has a constant part that is not finite");
   }
 }
 

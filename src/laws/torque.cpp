@@ -41,7 +41,7 @@ void Torque::derive(const LawContext& law, const ComponentContext& context) {
       expression::ratesOf(graph, shaftCount(), context.usedInputs());
   for (const auto& [shaft, torque] : torques_) {
     const Node rate = graph.totalDerivative(torque, motion);
-    if (graph.hasNonFiniteConstant(rate)) {
+    if (graph.hasNonFiniteConstant({rate})) {
       throw SceneError(law.place(),
                        "the rate of its torque on shaft " +
                            inQuotes(context.shaftNames()[static_cast<std::size_t>(shaft)]) +

@@ -142,9 +142,6 @@ class Graph {
   bool dependsOn(Node node, int slot) const;
   /// True when a constant that is NaN or infinite occurs in one of `nodes`.
   bool hasNonFiniteConstant(const std::vector<Node>& nodes) const;
-  bool hasNonFiniteConstant(Node node) const {
-    return hasNonFiniteConstant(std::vector<Node>{node});
-  }
 
   /// The table of an entry of kTable or kTable2.
   const std::shared_ptr<const Table>& tableOf(const Entry& entry) const {
