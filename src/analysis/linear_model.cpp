@@ -113,14 +113,8 @@ class Linearizer {
         equations_(scene, modesAt(scene, point), kind_ == MotionKind::kFormal),
         layout_(equations_.layout()),
         formulas_(makeModelFormulas(equations_, scene)),
-        motion_states_((kind_ == MotionKind::kClassical ? 2 : 3) * layout_.S) {
-    v_ = VectorXd::Zero(layout_.size());
-    v_(layout_.time()) = point.time;
-    for (int i = 0; i < layout_.S; ++i) {
-      v_(layout_.angle(i)) = point.angle[at(i)];
-      v_(layout_.velocity(i)) = point.velocity[at(i)];
-      v_(layout_.acceleration(i)) = point.acceleration[at(i)];
-    }
+        motion_states_((kind_ == MotionKind::kClassical ? 2 : 3) * layout_.S),
+        v_(layout_.valuesAt(point)) {
     chooseStates();
     chainVariables();
     program_ = std::make_unique<DifferentiatedFormulas>(equations_, formulas_.all);
@@ -170,8 +164,6 @@ class Linearizer {
     for (int n = 0; n < motion_states_; ++n) state_variables_.push_back(layout_.angle(n));
     for (int i = 0; i < layout_.U; ++i) {
       const CommandInputSettings& input = scene_.inputs[at(i)];
-      v_(layout_.input(i)) = point_.input[at(i)];
-      v_(layout_.inputRate(i)) = point_.input_rate[at(i)];
       if (input.kind == InputKind::kState) state_variables_.push_back(layout_.input(i));
       if (input.kind != InputKind::kCommanded) continue;
       if (input.hold == Hold::kFirstOrderLag || input.hold == Hold::kSecondOrderLag) {

@@ -86,6 +86,20 @@ StateView VariableLayout::view(const VectorXd& v) const {
           data + input(0), data + inputRate(0), data + inputSecondRate(0)};
 }
 
+VectorXd VariableLayout::valuesAt(const OperatingPoint& point) const {
+  VectorXd v = VectorXd::Zero(size());
+  v(time()) = point.time;
+  for (const auto& [values, first] : {std::pair{&point.angle, angle(0)},
+                                      {&point.velocity, velocity(0)},
+                                      {&point.acceleration, acceleration(0)},
+                                      {&point.input, input(0)},
+                                      {&point.input_rate, inputRate(0)},
+                                      {&point.input_second_rate, inputSecondRate(0)}}) {
+    std::copy(values->begin(), values->end(), v.data() + first);
+  }
+  return v;
+}
+
 MotionEquations::MotionEquations(const Scene& scene, const std::vector<int>& mode,
                                  bool with_rates_of_d)
     : scene_(scene),

@@ -45,6 +45,8 @@ struct VariableLayout {
   /// Returns the slot of variable n in the graph.
   int slot(int n) const;
   StateView view(const Eigen::VectorXd& v) const;
+  /// Returns the variables at `point`; those that it does not have are 0.
+  Eigen::VectorXd valuesAt(const OperatingPoint& point) const;
 };
 
 /// A constraint's levels; absent ones are Node{}.

@@ -14,12 +14,9 @@ void readInputs(ParameterReader& reader, Scene& scene) {
   std::vector<std::string> names;
   for (const CommandInputSettings& input : scene.inputs) names.push_back(input.name);
   for (const auto& [name, value] : reader.numberDictionary("inputs")) {
-    const auto found = std::find(names.begin(), names.end(), name);
     const std::string path = reader.keyPath("inputs") + "/" + name;
-    if (found == names.end()) {
-      throw SceneError(path, "is no input" + suggestAmong(name, names));
-    }
-    CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(found - names.begin())];
+    const int index = placeOf(name, names, path, "is no input");
+    CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(index)];
     const Range limits = Range::between(input.minimum, input.maximum);
     if (!limits.contains(value)) {
       throw SceneError(path, formatNumber(value) + " is outside of the input's limits; allowed: " +
@@ -27,11 +24,6 @@ void readInputs(ParameterReader& reader, Scene& scene) {
     }
     input.initial = value;
   }
-}
-
-void readList(ParameterReader& reader, const char* key, std::size_t size,
-              std::vector<double>* values) {
-  if (reader.has(key)) *values = reader.numbers(key, size);
 }
 
 }  // namespace
@@ -50,13 +42,16 @@ OperatingPoint readOperatingPoint(const ParameterTree& tree, Scene scene,
   OperatingPoint point;
   ParameterReader reader(tree, source);
   const auto s = static_cast<std::size_t>(scene.shaftCount());
-  for (const char* const key : {"angle", "velocity", "acceleration"}) reader.allow(key);
+  reader.allow({"angle", "velocity", "acceleration"});
   point.time = reader.number("time", Range::notNegative(), 0.0);
   const bool moves = reader.has("velocity") || reader.has("angle") || reader.has("inputs");
   if (moves) scene.initial.acceleration.clear();
-  readList(reader, "angle", s, &scene.initial.angle);
-  readList(reader, "velocity", s, &scene.initial.velocity);
-  readList(reader, "acceleration", s, &scene.initial.acceleration);
+  InitialConditions& initial = scene.initial;
+  for (const auto& [key, values] : {std::pair{"angle", &initial.angle},
+                                    {"velocity", &initial.velocity},
+                                    {"acceleration", &initial.acceleration}}) {
+    if (reader.has(key)) *values = reader.numbers(key, s);
+  }
   readInputs(reader, scene);
   try {
     reader.finish();

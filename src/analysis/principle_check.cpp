@@ -150,17 +150,7 @@ PrincipleSystem PrincipleCheck::calc(const OperatingPoint& point) {
   const VariableLayout& layout = formulas.equations.layout();
   const int S = formulas.rows;
   const int k = formulas.constraints;
-  VectorXd v = VectorXd::Zero(layout.size());
-  const auto write = [&](const std::vector<double>& values, int first) {
-    for (std::size_t i = 0; i < values.size(); ++i) v(first + static_cast<int>(i)) = values[i];
-  };
-  v(layout.time()) = point.time;
-  write(point.angle, layout.angle(0));
-  write(point.velocity, layout.velocity(0));
-  write(point.acceleration, layout.acceleration(0));
-  write(point.input, layout.input(0));
-  write(point.input_rate, layout.inputRate(0));
-  write(point.input_second_rate, layout.inputSecondRate(0));
+  VectorXd v = layout.valuesAt(point);
   const double* value = formulas.rates.evaluate(layout.view(v));
   for (const SceneState& state : scene_.states) v(layout.inputRate(state.input)) = *value++;
 
