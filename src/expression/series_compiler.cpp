@@ -35,7 +35,7 @@ void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<N
   }
   made_.listResolved();
   findPlaces();
-  const std::vector<bool> needed = findNeeded(
+  const std::vector<bool> needed = made_.findNeeded(
       {made_.outputs_.begin(), made_.outputs_.begin() + static_cast<std::ptrdiff_t>(trial.size())});
   for (std::size_t i = 0; i < needed.size(); ++i) made_.instructions_[i].is_tried = needed[i];
 }
@@ -44,33 +44,17 @@ int SeriesCompiler::addRow(int degree, bool is_accelerated) {
   made_.degree_.push_back(degree);
   made_.accelerated_.push_back(is_accelerated ? 1 : 0);
   made_.has_pole_.push_back(false);
-  producer_.push_back(-1);
   return static_cast<int>(made_.degree_.size()) - 1;
 }
 
-std::vector<int> SeriesCompiler::rowsReadBy(const Instruction& it) const {
-  std::vector<int> rows;
-  std::copy_if(std::begin(it.operands), std::end(it.operands), std::back_inserter(rows),
-               [](int row) { return row >= 0; });
-  if (it.code == Code::kLinear) {
-    const Term* const terms = made_.terms_.data() + it.aux[0];
-    for (int n = 0; n < it.aux[1]; ++n) rows.push_back(terms[n].row);
-  }
-  return rows;
-}
-
-int SeriesCompiler::append(Instruction it, std::initializer_list<int*> results, int degree) {
-  const std::vector<int> read = rowsReadBy(it);
+int SeriesCompiler::append(Instruction it, int degree) {
+  const std::vector<int> read = made_.rowsReadBy(it);
   const bool is_accelerated =
       std::any_of(read.begin(), read.end(), [&](int row) { return made_.isAccelerated(row); });
   it.result = addRow(degree, is_accelerated);
   made_.has_pole_.back() = mayHavePole(it);
-  std::vector<int> written = {it.result};
-  for (int* const result : results) {
-    *result = addRow(SeriesProgram::kNoDegree, is_accelerated);
-    written.push_back(*result);
-  }
-  return place(it, written);
+  made_.instructions_.push_back(it);
+  return it.result;
 }
 
 bool SeriesCompiler::mayHavePole(const Instruction& it) const {
@@ -78,17 +62,9 @@ bool SeriesCompiler::mayHavePole(const Instruction& it) const {
       it.code == Code::kLog) {
     return true;
   }
-  const std::vector<int> read = rowsReadBy(it);
+  const std::vector<int> read = made_.rowsReadBy(it);
   return std::any_of(read.begin(), read.end(),
                      [&](int row) { return made_.has_pole_[static_cast<std::size_t>(row)]; });
-}
-
-int SeriesCompiler::place(const Instruction& it, const std::vector<int>& written) {
-  for (const int row : written) {
-    producer_[static_cast<std::size_t>(row)] = static_cast<int>(made_.instructions_.size());
-  }
-  made_.instructions_.push_back(it);
-  return it.result;
 }
 
 int SeriesCompiler::constantRow(double value) {
@@ -115,7 +91,7 @@ int SeriesCompiler::rowOf(Form& form) {
     made_.terms_.push_back(term);
     highest = std::max(highest, degree(term.row));
   }
-  const int row = append(it, {}, highest);
+  const int row = append(it, highest);
   form = Form{0.0, {{row, 1.0}}};
   return row;
 }
@@ -196,7 +172,7 @@ int SeriesCompiler::product(int x, int y) {
   const Instruction it =
       x == y ? instruction(Code::kSquare, {x}) : instruction(Code::kMultiply, {x, y});
   const int highest = std::min(degree(x) + degree(y), SeriesProgram::kNoDegree);
-  row = append(it, {}, highest);
+  row = append(it, highest);
   return row;
 }
 
@@ -214,7 +190,7 @@ SeriesCompiler::Form SeriesCompiler::divide(Form& a, Form& b) {
     factor *= takeFactor(a, &x);
   }
   int& row = quotient_of_.try_emplace({x, y}, -1).first->second;
-  if (row < 0) row = append(instruction(Code::kDivide, {x, y}), {}, SeriesProgram::kNoDegree);
+  if (row < 0) row = append(instruction(Code::kDivide, {x, y}), SeriesProgram::kNoDegree);
   return single(row, factor);
 }
 
@@ -239,7 +215,7 @@ SeriesCompiler::Form SeriesCompiler::power(const Graph::Entry& entry) {
     const int x = rowOf(base);
     Instruction it = instruction(Code::kPower, {x, rate(x)});
     it.constant = k;
-    return single(append(it, {}, SeriesProgram::kNoDegree));
+    return single(append(it, SeriesProgram::kNoDegree));
   }
   // a^b = exp(b log a)
   Form logarithm;
@@ -258,19 +234,6 @@ void SeriesCompiler::findPlaces() {
     it.ends = degree(it.result) + (it.code == Code::kRate ? 1 : 0);
     it.last = it.operands[1] < 0 ? 0 : degree(it.operands[1]);
   }
-}
-
-std::vector<bool> SeriesCompiler::findNeeded(std::vector<int> open) const {
-  std::vector<bool> needed(made_.instructions_.size(), false);
-  while (!open.empty()) {
-    const int index = producer_[static_cast<std::size_t>(open.back())];
-    open.pop_back();
-    if (index < 0 || needed[static_cast<std::size_t>(index)]) continue;
-    needed[static_cast<std::size_t>(index)] = true;
-    const std::vector<int> read = rowsReadBy(made_.instructions_[static_cast<std::size_t>(index)]);
-    open.insert(open.end(), read.begin(), read.end());
-  }
-  return needed;
 }
 
 SeriesProgram::SeriesProgram(const Graph& graph, const std::vector<Node>& trial,

@@ -43,11 +43,8 @@ class SeriesCompiler {
     return it;
   }
   /// Appends an instruction; the kind of its result follows from its operands.
-  int append(Instruction it, std::initializer_list<int*> results, int degree);
-  std::vector<int> rowsReadBy(const Instruction& it) const;
+  int append(Instruction it, int degree);
   bool mayHavePole(const Instruction& it) const;
-  /// Adds an instruction with existing rows; returns the row of its result.
-  int place(const Instruction& it, const std::vector<int>& written);
 
   int constantRow(double value);
   /// Returns the row of a form; `form` becomes that row.
@@ -91,15 +88,12 @@ class SeriesCompiler {
   int table(const Graph::Entry& entry, int a);
   int opaque(const Graph::Entry& entry, int a);
 
-  /// Marks the instructions that the rows in `open` follow from.
-  std::vector<bool> findNeeded(std::vector<int> open) const;
   /// Resolves the rows of the instructions.
   void findPlaces();
 
   const Graph& graph_;
   SeriesProgram& made_;
-  std::vector<Form> forms_;    ///< of the nodes
-  std::vector<int> producer_;  ///< the instruction that writes a row, or -1
+  std::vector<Form> forms_;  ///< of the nodes
   std::map<int, int> row_of_slot_;
   std::map<double, int> row_of_constant_;
   std::map<std::pair<int, int>, int> product_of_;

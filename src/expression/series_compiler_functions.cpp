@@ -10,19 +10,18 @@ int SeriesCompiler::rate(int x) {
   int& row = rate_of_.try_emplace(x, -1).first->second;
   if (row >= 0) return row;
   const bool is_polynomial = degree(x) < SeriesProgram::kNoDegree;
-  row = append(instruction(Code::kRate, {x}), {},
+  row = append(instruction(Code::kRate, {x}),
                is_polynomial ? std::max(0, degree(x) - 1) : SeriesProgram::kNoDegree);
   return row;
 }
 
 int SeriesCompiler::exponential(int x) {
-  return append(instruction(Code::kExp, {x, rate(x)}), {}, SeriesProgram::kNoDegree);
+  return append(instruction(Code::kExp, {x, rate(x)}), SeriesProgram::kNoDegree);
 }
 
 int SeriesCompiler::withSecond(const Instruction& it) {
-  int second = -1;
-  const int row = append(it, {&second}, SeriesProgram::kNoDegree);
-  made_.instructions_.back().aux[0] = second;
+  const int row = append(it, SeriesProgram::kNoDegree);
+  made_.instructions_.back().aux[0] = addRow(SeriesProgram::kNoDegree, made_.isAccelerated(row));
   return row;
 }
 
@@ -44,8 +43,8 @@ int SeriesCompiler::primitive(Code code, int x, int y) {
   Form w;
   if (code == Code::kAtan2) {
     // (x y' ..): the rate of atan2(x, y) is (y x' - x y') / (x^2 + y^2)
-    it.operands[2] = append(instruction(Code::kWronskian, {y, x, rate(y), rate(x)}), {},
-                            SeriesProgram::kNoDegree);
+    it.operands[2] =
+        append(instruction(Code::kWronskian, {y, x, rate(y), rate(x)}), SeriesProgram::kNoDegree);
     w = combine(square(x), 1.0, square(y), 1.0);
   } else if (code == Code::kLog) {
     w = single(x);
@@ -59,7 +58,7 @@ int SeriesCompiler::primitive(Code code, int x, int y) {
 }
 
 int SeriesCompiler::root(int x) {
-  return append(instruction(Code::kSqrt, {x}), {}, SeriesProgram::kNoDegree);
+  return append(instruction(Code::kSqrt, {x}), SeriesProgram::kNoDegree);
 }
 
 SeriesCompiler::Form SeriesCompiler::function(const Graph::Entry& entry) {
@@ -114,7 +113,7 @@ int SeriesCompiler::branch(Code code, const Graph::Entry& entry, int a) {
     highest = std::max(highest, degree(it.operands[k]));
   }
   it.state = made_.states_++;
-  return append(it, {}, code == Code::kSign ? 0 : highest);
+  return append(it, code == Code::kSign ? 0 : highest);
 }
 
 int SeriesCompiler::table(const Graph::Entry& entry, int a) {
@@ -127,19 +126,15 @@ int SeriesCompiler::table(const Graph::Entry& entry, int a) {
   const int degree = piece.table->degree();
   piece.degree[0] = degree - entry.order[0];
   piece.degree[1] = has_two ? degree - entry.order[1] : 0;
-  bool is_accelerated = made_.isAccelerated(a);
-  if (has_two) {
-    it.operands[1] = rowOf(entry.operands[1]);
-    is_accelerated = is_accelerated || made_.isAccelerated(it.operands[1]);
-  }
+  if (has_two) it.operands[1] = rowOf(entry.operands[1]);
   it.state = static_cast<int>(made_.pieces_.size());
   made_.pieces_.push_back(piece);
   // (A held value is no constant: the next piece has another one.)
   const bool is_polynomial = !has_two && made_.degree(a) <= 4;
-  it.result =
-      addRow(is_polynomial ? std::max(1, degree * made_.degree(a)) : SeriesProgram::kNoDegree,
-             is_accelerated);
-  return place(it, {it.result});
+  const int row =
+      append(it, is_polynomial ? std::max(1, degree * made_.degree(a)) : SeriesProgram::kNoDegree);
+  made_.has_pole_.back() = false;
+  return row;
 }
 
 int SeriesCompiler::opaque(const Graph::Entry& entry, int a) {
@@ -151,7 +146,7 @@ int SeriesCompiler::opaque(const Graph::Entry& entry, int a) {
   }
   it.state = static_cast<int>(made_.pieces_.size());
   made_.pieces_.push_back(piece);
-  return append(it, {}, SeriesProgram::kNoDegree);
+  return append(it, SeriesProgram::kNoDegree);
 }
 
 }  // namespace variator_sim::expression

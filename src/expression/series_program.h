@@ -102,8 +102,15 @@ class SeriesProgram {
   static constexpr int kPad = 4;
   static constexpr int kNoDegree = 1 << 20;
 
+  std::vector<int> rowsReadBy(const Instruction& it) const;
+  /// Marks the instructions that the rows in `open` follow from.
+  std::vector<bool> findNeeded(std::vector<int> open) const;
+
   SeriesOperation operationOf(const Instruction& it) const;
+  std::vector<SeriesOperation> operationsOf(const Instruction& it) const;
   void listResolved();
+  /// Finds the degrees of operations along parabolas of the variables: sums and products of these.
+  void notePowers();
 
   std::vector<int> degree_;
   std::vector<char> accelerated_;

@@ -1,5 +1,9 @@
-// The operations of a program, for the check that its rows resolve them along a step.
+// What the rows of a program follow from: operations, for the check that its rows resolve them
+// along a step, and instructions.
 #include <algorithm>
+#include <iterator>
+#include <map>
+#include <set>
 
 #include "expression/series_program.h"
 
@@ -35,57 +39,56 @@ SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
   return made;
 }
 
+/// Returns the operations of an instruction that its result follows from, the last one first.
+std::vector<SeriesOperation> SeriesProgram::operationsOf(const Instruction& it) const {
+  SeriesOperation made = operationOf(it);
+  std::vector<SeriesOperation> operations;
+  if (it.code == Code::kLinear) {
+    made.degree = 0;
+    for (int n = (it.aux[1] - 1) / 2 * 2; n >= 0; n -= 2) {
+      const Term* const term = terms_.data() + it.aux[0] + n;
+      const bool has_two = n + 1 < it.aux[1];
+      made.kind = n == 0 ? kSeriesSum : kSeriesMore;
+      made.a = term[0].row;
+      made.f = term[0].factor;
+      made.b = has_two ? term[1].row : -1;
+      made.g = has_two ? term[1].factor : 0.0;
+      operations.push_back(made);
+    }
+  } else if (it.code == Code::kOpaque) {
+    for (const int n : {2, 0}) {
+      made.a = it.operands[n];
+      made.b = it.operands[n + 1];
+      made.state = n;
+      if (made.a >= 0) operations.push_back(made);
+    }
+  } else if (made.a >= 0) {
+    operations.push_back(made);
+  }
+  return operations;
+}
+
 void SeriesProgram::listResolved() {
-  std::vector<char> is_needed(degree_.size(), 0);
-  for (const int row : outputs_) is_needed[static_cast<std::size_t>(row)] = 1;
-  const auto isNeeded = [&](int row) {
-    return row >= 0 && is_needed[static_cast<std::size_t>(row)];
-  };
-  const auto need = [&](int row) {
-    if (row >= 0) is_needed[static_cast<std::size_t>(row)] = 1;
-  };
+  std::set<int> needed(outputs_.begin(), outputs_.end());
   resolved_.clear();
   for (auto it = instructions_.rbegin(); it != instructions_.rend(); ++it) {
-    SeriesOperation made = operationOf(*it);
-    if (!isNeeded(it->result) && !isNeeded(made.second)) continue;
-    // The last two terms come first, as the list is reversed.
-    for (int n = it->code == Code::kLinear ? (it->aux[1] - 1) / 2 * 2 : -1; n >= 0; n -= 2) {
-      const Term* const term = terms_.data() + it->aux[0] + n;
-      const bool has_two = n + 1 < it->aux[1];
-      made = {n == 0 ? kSeriesSum : kSeriesMore,
-              it->result,
-              -1,
-              term[0].row,
-              -1,
-              0,
-              -1,
-              kNoDegree,
-              0.0,
-              0.0};
-      made.f = term[0].factor;
-      if (has_two) {
-        made.b = term[1].row;
-        made.g = term[1].factor;
-        need(made.b);
-      }
-      need(made.a);
-      resolved_.push_back(made);
+    const std::vector<SeriesOperation> operations = operationsOf(*it);
+    if (needed.count(it->result) == 0 &&
+        (operations.empty() || needed.count(operations[0].second) == 0)) {
+      continue;
     }
-    if (it->code == Code::kLinear || made.a < 0) continue;
-    for (int n = it->code == Code::kOpaque ? 2 : 0; n >= 0; n -= 2) {
-      if (n > 0 && it->operands[n] < 0) continue;
-      if (it->code == Code::kOpaque) {
-        made.a = it->operands[n];
-        made.b = it->operands[n + 1];
-        made.state = n;
-      }
-      need(made.a);
-      need(made.b);
+    for (const SeriesOperation& made : operations) {
+      needed.insert(made.a);
+      if (made.b >= 0) needed.insert(made.b);
       resolved_.push_back(made);
     }
   }
   std::reverse(resolved_.begin(), resolved_.end());
-  // Along parabolas of the variables, time being the first of them: sums and products of these.
+  notePowers();
+}
+
+void SeriesProgram::notePowers() {
+  // Time is the first of the variables.
   std::vector<int> power(degree_.size(), kNoDegree);
   for (const int row : variables_) power[static_cast<std::size_t>(row)] = 2;
   power[static_cast<std::size_t>(variables_.front())] = 1;
@@ -98,6 +101,36 @@ void SeriesProgram::listResolved() {
     if (it.kind < kSeriesOpaque) it.power = std::max({a, b, before});
     power[static_cast<std::size_t>(it.result)] = it.power;
   }
+}
+
+std::vector<int> SeriesProgram::rowsReadBy(const Instruction& it) const {
+  std::vector<int> rows;
+  std::copy_if(std::begin(it.operands), std::end(it.operands), std::back_inserter(rows),
+               [](int row) { return row >= 0; });
+  if (it.code == Code::kLinear) {
+    const Term* const terms = terms_.data() + it.aux[0];
+    for (int n = 0; n < it.aux[1]; ++n) rows.push_back(terms[n].row);
+  }
+  return rows;
+}
+
+std::vector<bool> SeriesProgram::findNeeded(std::vector<int> open) const {
+  std::map<int, std::size_t> producer;
+  for (std::size_t n = 0; n < instructions_.size(); ++n) {
+    const Instruction& it = instructions_[n];
+    producer[it.result] = n;
+    if (it.code != Code::kLinear && it.aux[0] >= 0) producer[it.aux[0]] = n;
+  }
+  std::vector<bool> needed(instructions_.size(), false);
+  while (!open.empty()) {
+    const auto found = producer.find(open.back());
+    open.pop_back();
+    if (found == producer.end() || needed[found->second]) continue;
+    needed[found->second] = true;
+    const std::vector<int> read = rowsReadBy(instructions_[found->second]);
+    open.insert(open.end(), read.begin(), read.end());
+  }
+  return needed;
 }
 
 }  // namespace variator_sim::expression

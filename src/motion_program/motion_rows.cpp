@@ -32,10 +32,11 @@ void forEachPiece(const std::vector<double>& points, Use use) {
 
 MotionRows::MotionRows(const SeriesProgram& program, int series)
     : SeriesStatements(program), rows_(program.rowCount()) {
-  const std::set<int> in_series = findSeries(series);
+  const std::vector<bool> in_series =
+      program.findNeeded({program.outputs_.begin(), program.outputs_.begin() + series});
   for (std::size_t n = 0; n < program.instructions_.size(); ++n) {
     const Instruction& it = program.instructions_[n];
-    const bool is_series = in_series.count(static_cast<int>(n)) > 0;
+    const bool is_series = in_series[n];
     if (is_series) in_series_.insert(it.result);
     noteGrowth(it);
     const Part part = !is_series                          ? Part::kAtOnce
@@ -44,28 +45,6 @@ MotionRows::MotionRows(const SeriesProgram& program, int series)
                                                           : Part::kRest;
     statements_[static_cast<std::size_t>(part)].push_back(make(it));
   }
-}
-
-std::set<int> MotionRows::findSeries(int outputs) const {
-  std::vector<int> open(program_.outputs_.begin(), program_.outputs_.begin() + outputs);
-  std::map<int, int> producer;
-  for (std::size_t n = 0; n < program_.instructions_.size(); ++n) {
-    const Instruction& it = program_.instructions_[n];
-    producer[it.result] = static_cast<int>(n);
-    if (it.code != Code::kLinear && it.aux[0] >= 0) producer[it.aux[0]] = static_cast<int>(n);
-  }
-  std::set<int> needed;
-  while (!open.empty()) {
-    const auto found = producer.find(open.back());
-    open.pop_back();
-    if (found == producer.end() || !needed.insert(found->second).second) continue;
-    const Instruction& it = program_.instructions_[index(found->second)];
-    open.insert(open.end(), std::begin(it.operands), std::end(it.operands));
-    for (int n = 0; it.code == Code::kLinear && n < it.aux[1]; ++n) {
-      open.push_back(program_.terms_[index(it.aux[0] + n)].row);
-    }
-  }
-  return needed;
 }
 
 void MotionRows::noteGrowth(const Instruction& it) {

@@ -74,7 +74,6 @@ class MotionRows : private expression::SeriesStatements {
 
  private:
   void noteGrowth(const Instruction& it);
-  std::set<int> findSeries(int outputs) const;
   Statement make(const Instruction& it);
   /// Returns the index of a table, which is added unless the same is there.
   int add(DenseTable table);
