@@ -314,6 +314,42 @@ class Faults {
   std::string text_;
 };
 
+void readComponents(ParameterReader& root, const SceneNames& names, ComponentFactory& factory,
+                    Scene* scene, Faults* faults) {
+  for (const std::string& name : names.torques) {
+    faults->collect([&] {
+      scene->torques.push_back(readComponent(
+          name, root, kTorqueKind, kConstraintKind, factory,
+          [&](const std::string& type) { return factory.createTorque(type); }, scene));
+    });
+  }
+  for (const std::string& name : names.constraints) {
+    faults->collect([&] {
+      std::set<int> used_inputs;
+      scene->constraints.push_back(readComponent(
+          name, root, kConstraintKind, kTorqueKind, factory,
+          [&](const std::string& type) { return factory.createConstraint(type); }, scene,
+          &used_inputs));
+      checkInputsOfOrder1(*scene->constraints.back(), *scene, used_inputs);
+    });
+  }
+}
+
+void readOutputs(ParameterReader& root, const SceneNames& names, Scene* scene, Faults* faults) {
+  Output::nameObserved(scene->shafts, *scene->graph, &scene->symbols);
+  for (const std::string& name : names.outputs) {
+    faults->collect([&] {
+      ParameterReader reader = root.section(name);
+      ComponentContext context = contextOf(name, reader, scene);
+      scene->outputs.emplace_back(context);
+      reader.finish();
+      if (expression::describeTakenName(name, scene->shafts).empty())
+        scene->symbols.values.emplace(name, scene->outputs.back().value());
+    });
+  }
+  scene->symbols.observed.clear();
+}
+
 /// Limits the number of switching functions: each step is searched for the zeros of each, if
 /// necessary in thousands of parts, so more of them would keep one step busy for minutes.
 void checkEdges(const Scene& scene) {
@@ -375,41 +411,14 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
   });
   // Without these names formulas would be blamed for other faults.
   if (!has_symbols) faults.tell();
-  for (const std::string& name : names.torques) {
-    faults.collect([&] {
-      scene.torques.push_back(readComponent(
-          name, root, kTorqueKind, kConstraintKind, factory,
-          [&](const std::string& type) { return factory.createTorque(type); }, &scene));
-    });
-  }
-  for (const std::string& name : names.constraints) {
-    faults.collect([&] {
-      std::set<int> used_inputs;
-      scene.constraints.push_back(readComponent(
-          name, root, kConstraintKind, kTorqueKind, factory,
-          [&](const std::string& type) { return factory.createConstraint(type); }, &scene,
-          &used_inputs));
-      checkInputsOfOrder1(*scene.constraints.back(), scene, used_inputs);
-    });
-  }
+  readComponents(root, names, factory, &scene, &faults);
   const Eigen::MatrixXd inertia = scene.inertia;
   faults.collect([&] {
     const bool has_all = has_inertia && scene.constraints.size() == names.constraints.size();
     if (has_all) tieMasslessShafts(&scene);
   });
   faults.collect([&] { readMemory(root, names, &scene); });
-  Output::nameObserved(scene.shafts, *scene.graph, &scene.symbols);
-  for (const std::string& name : names.outputs) {
-    faults.collect([&] {
-      ParameterReader reader = root.section(name);
-      ComponentContext context = contextOf(name, reader, &scene);
-      scene.outputs.emplace_back(context);
-      reader.finish();
-      if (expression::describeTakenName(name, scene.shafts).empty())
-        scene.symbols.values.emplace(name, scene.outputs.back().value());
-    });
-  }
-  scene.symbols.observed.clear();
+  readOutputs(root, names, &scene, &faults);
   faults.collect([&] { checkDelays(scene); });
   faults.collect([&] { checkTopics(scene, node.topics); });
   faults.collect([&] { checkEdges(scene); });

@@ -243,44 +243,16 @@ Node torqueOn(const Scene& scene, const Torque& element, int shaft, Node applied
   return sum;
 }
 
-}  // namespace
+/// Names formulas in the scene's symbols.
+class ObserverNames {
+ public:
+  ObserverNames(Scene* scene, bool knows_rates)
+      : scene_(scene), reactions_(std::make_shared<Reactions>(scene, knows_rates)) {}
 
-void nameObservers(Scene* scene, bool knows_rates) {
-  SceneSymbols& symbols = scene->symbols;
-  Graph& graph = *scene->graph;
-  symbols.observed.clear();
-  // (An input that has such a name keeps it.)
-  const auto add = [&](const std::string& name, std::function<Node()> make) {
-    if (symbols.inputs.count(name) == 0 && symbols.played.count(name) == 0)
-      symbols.observed.emplace(name, std::move(make));
-  };
-  const auto addOutputs = [&](const auto& element) {
-    const NamedOutputs& outputs = element.outputs();
-    for (std::size_t i = 0; i < outputs.names().size(); ++i) {
-      add(element.name() + "_" + outputs.names()[i], [node = outputs.nodes()[i]] { return node; });
-    }
-  };
-  int held = 0;
-  const auto addHolds = [&](const Law& element) {
-    for (const Holding& it : element.holdings()) {
-      std::string name = element.nameOf(it);
-      std::replace(name.begin(), name.end(), '/', '_');
-      const Node slip = it.slip.in(graph);
-      const int slot = slotOf(Source::kHeld, heldSlot(HeldValue::kMode, held));
-      const int multiplier = slotOf(Source::kHeld, heldSlot(HeldValue::kMultiplier, held++));
-      add(name + "_slip", [slip] { return slip; });
-      add(name + "_mode", [&graph, slot] { return graph.variable(slot); });
-      if (it.losses) continue;
-      const Node slides = it.torque.in(graph);
-      add(name + "_torque", [&graph, slides, multiplier] {
-        return graph.subtract(slides, graph.variable(multiplier));
-      });
-    }
-  };
-  for (const TorquePtr& torque : scene->torques) {
-    addOutputs(*torque);
-    const int first = held;
-    const Torque* const it = torque.get();
+  void nameTorque(const Torque* it) {
+    Scene* const scene = scene_;
+    const int first = held_;
+    addOutputs(*it);
     addHolds(*it);
     add(it->name() + "_power", [scene, it, first] {
       Node power = scene->graph->constant(0.0);
@@ -291,25 +263,69 @@ void nameObservers(Scene* scene, bool knows_rates) {
       }
       return power;
     });
-    if (it->torques().empty()) continue;
+    if (it->torques().empty()) return;
     add(it->name() + "_torque", [scene, it, first] {
       const auto& [shaft, value] = it->torques()[0];
       return torqueOn(*scene, *it, shaft, value, first);
     });
   }
-  const auto reactions = std::make_shared<Reactions>(scene, knows_rates);
-  for (int m = 0; m < scene->constraintCount(); ++m) {
-    const Constraint& constraint = *scene->constraints[at(m)];
+  void nameConstraint(int m) {
+    const Constraint& constraint = *scene_->constraints[at(m)];
     addOutputs(constraint);
     addHolds(constraint);
-    add(constraint.name() + "_multiplier", [reactions, m] { return reactions->multiplier(m); });
+    add(constraint.name() + "_multiplier", [it = reactions_, m] { return it->multiplier(m); });
   }
-  for (int i = 0; i < scene->shaftCount(); ++i) {
-    const std::string& shaft = scene->shafts[at(i)];
-    add("R_" + shaft, [reactions, i] { return reactions->reaction(i); });
-    add("Rr_" + shaft, [reactions, i] { return reactions->reactionRate(i); });
-    add("j_" + shaft, [reactions, i] { return reactions->jerk(i); });
+  void nameShaft(int i) {
+    const std::string& shaft = scene_->shafts[at(i)];
+    add("R_" + shaft, [it = reactions_, i] { return it->reaction(i); });
+    add("Rr_" + shaft, [it = reactions_, i] { return it->reactionRate(i); });
+    add("j_" + shaft, [it = reactions_, i] { return it->jerk(i); });
   }
+
+ private:
+  void add(const std::string& name, std::function<Node()> make) {
+    // (An input that has such a name keeps it.)
+    SceneSymbols& symbols = scene_->symbols;
+    if (symbols.inputs.count(name) == 0 && symbols.played.count(name) == 0)
+      symbols.observed.emplace(name, std::move(make));
+  }
+  void addOutputs(const Law& element) {
+    const NamedOutputs& outputs = element.outputs();
+    for (std::size_t i = 0; i < outputs.names().size(); ++i) {
+      add(element.name() + "_" + outputs.names()[i], [node = outputs.nodes()[i]] { return node; });
+    }
+  }
+  void addHolds(const Law& element) {
+    Graph& graph = *scene_->graph;
+    for (const Holding& it : element.holdings()) {
+      std::string name = element.nameOf(it);
+      std::replace(name.begin(), name.end(), '/', '_');
+      const Node slip = it.slip.in(graph);
+      const int slot = slotOf(Source::kHeld, heldSlot(HeldValue::kMode, held_));
+      const int multiplier = slotOf(Source::kHeld, heldSlot(HeldValue::kMultiplier, held_++));
+      add(name + "_slip", [slip] { return slip; });
+      add(name + "_mode", [&graph, slot] { return graph.variable(slot); });
+      if (it.losses) continue;
+      const Node slides = it.torque.in(graph);
+      add(name + "_torque", [&graph, slides, multiplier] {
+        return graph.subtract(slides, graph.variable(multiplier));
+      });
+    }
+  }
+
+  Scene* scene_;
+  std::shared_ptr<Reactions> reactions_;
+  int held_ = 0;  ///< elements that hold, so far
+};
+
+}  // namespace
+
+void nameObservers(Scene* scene, bool knows_rates) {
+  scene->symbols.observed.clear();
+  ObserverNames names(scene, knows_rates);
+  for (const TorquePtr& torque : scene->torques) names.nameTorque(torque.get());
+  for (int m = 0; m < scene->constraintCount(); ++m) names.nameConstraint(m);
+  for (int i = 0; i < scene->shaftCount(); ++i) names.nameShaft(i);
 }
 
 }  // namespace variator_sim
