@@ -59,77 +59,59 @@ void collectPaths(const ParameterTree& tree, const std::string& path,
   }
 }
 
-/// The path from a tree's root to one of its values.
-class Walk {
- public:
-  Walk(ParameterTree& tree, const std::string& path)
-      : tree_(tree), path_(path), steps_(splitPath(path)) {}
+[[noreturn]] void fail(const ParameterTree& tree, const std::string& path,
+                       const std::string& message) {
+  std::vector<std::string> paths;
+  collectPaths(tree, "", &paths);
+  throw SceneError(path, message + suggestName(join(splitPath(path), "/"), paths));
+}
 
-  ParameterTree& toEnd() {
-    ParameterTree* here = &tree_;
-    for (at_ = 0; at_ < steps_.size(); ++at_) {
-      here = here->kind() == Kind::kList ? &item(*here) : &entry(*here);
-    }
-    return *here;
-  }
-  [[noreturn]] void fail(const std::string& message) const {
-    std::vector<std::string> paths;
-    collectPaths(tree_, "", &paths);
-    throw SceneError(path_, message + suggestName(join(steps_, "/"), paths));
-  }
-
- private:
-  /// Returns the path so far.
-  std::string place() const { return inQuotes(join({steps_.data(), steps_.data() + at_}, "/")); }
-
-  ParameterTree& item(ParameterTree& list) const {
-    const std::string& step = steps_[at_];
-    const std::size_t size = list.asList().size();
-    std::size_t index = size;
-    if (isIndex(step)) std::from_chars(step.data(), step.data() + step.size(), index);
-    if (index < size) return list.asList()[index];
-    fail(place() + " is a list and has no " + inQuotes(step) +
-         "; allowed: " + (size == 0 ? "none, it is empty" : "0 to " + std::to_string(size - 1)));
-  }
-
-  ParameterTree& entry(ParameterTree& tree) const {
-    const std::string& step = steps_[at_];
+/// Returns the value at `path`; missing dictionaries on the way are made.
+ParameterTree& follow(ParameterTree& tree, const std::string& path) {
+  ParameterTree* here = &tree;
+  std::string place;  // of it
+  for (const std::string& step : splitPath(path)) {
     // A key with nothing behind it is a dictionary whose lines are all commented out.
-    if (tree.kind() == Kind::kNothing) tree = ParameterTree::dictionary();
-    if (tree.kind() != Kind::kDictionary) {
-      fail(place() + " is " + tree.describeKind() + ": " + tree.toText() + ", and has no " +
-           inQuotes(step) + " inside; it can be set as a whole");
+    if (here->kind() == Kind::kNothing) *here = ParameterTree::dictionary();
+    if (here->kind() == Kind::kList) {
+      const std::size_t size = here->asList().size();
+      std::size_t index = size;
+      if (isIndex(step)) std::from_chars(step.data(), step.data() + step.size(), index);
+      if (index >= size) {
+        fail(tree, path,
+             inQuotes(place) + " is a list and has no " + inQuotes(step) + "; allowed: " +
+                 (size == 0 ? "none, it is empty" : "0 to " + std::to_string(size - 1)));
+      }
+      here = &here->asList()[index];
+    } else if (here->kind() != Kind::kDictionary) {
+      fail(tree, path,
+           inQuotes(place) + " is " + here->describeKind() + ": " + here->toText() +
+               ", and has no " + inQuotes(step) + " inside; it can be set as a whole");
+    } else if (isIndex(step) && here->find(step) == nullptr) {
+      fail(tree, path,
+           (place.empty() ? "the scene" : inQuotes(place)) + " is not a list with an item " +
+               inQuotes(step) + "; a list that the scene leaves out can be set as a whole");
+    } else {
+      here = &here->asDictionary()[step];
     }
-    ParameterTree::Dictionary& entries = tree.asDictionary();
-    if (isIndex(step) && entries.count(step) == 0) {
-      fail((at_ == 0 ? std::string("the scene") : place()) + " is not a list with an item " +
-           inQuotes(step) + "; a list that the scene leaves out can be set as a whole");
-    }
-    return entries[step];
+    place = entryPath(place, step);
   }
-
-  ParameterTree& tree_;
-  const std::string& path_;
-  std::vector<std::string> steps_;
-  std::size_t at_ = 0;  // the next step
-};
+  return *here;
+}
 
 }  // namespace
 
 void setValue(ParameterTree& tree, const std::string& path, ParameterTree value) {
   // Works on a copy, so that a path that leads nowhere changes nothing.
   ParameterTree changed = tree;
-  Walk(changed, path).toEnd() = std::move(value);
+  follow(changed, path) = std::move(value);
   tree = std::move(changed);
 }
 
 ParameterTree getValue(const ParameterTree& tree, const std::string& path) {
   ParameterTree copy = tree;
-  ParameterTree found = Walk(copy, path).toEnd();
-  if (found.kind() == Kind::kNothing) {
-    ParameterTree its_own = tree;
-    Walk(its_own, path).fail("the scene does not say it");
-  }
+  ParameterTree found = follow(copy, path);
+  if (found.kind() == Kind::kNothing) fail(tree, path, "the scene does not say it");
   return found;
 }
 
