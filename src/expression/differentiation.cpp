@@ -142,18 +142,12 @@ void Graph::findGrowth(const Entry& entry, Traits* made) const {
 // the true derivative even if the other factor is infinite or NaN (the formula itself is NaN or
 // infinite there). multiply() leaves a zero that the user wrote to run time.
 Node Graph::product(Node a, Node b) {
-  if (isConstant(a, 0.0) || isConstant(b, 0.0)) {
-    return constant(0.0);
-  }
-  if (isConstant(b)) {
-    std::swap(a, b);
-  }
+  if (isConstant(a, 0.0) || isConstant(b, 0.0)) return constant(0.0);
+  if (isConstant(b)) std::swap(a, b);
   // c1 (c2 x) = (c1 c2) x: this changes the rounding of derivatives only.
   if (isConstant(a) && entry(b).operation == Operation::kMultiply && isConstant(operand(b, 0))) {
     const double factor = constantValue(a) * constantValue(operand(b, 0));
-    if (std::isnormal(factor)) {
-      return multiply(constant(factor), operand(b, 1));
-    }
+    if (std::isnormal(factor)) return multiply(constant(factor), operand(b, 1));
   }
   return multiply(a, b);
 }
@@ -185,9 +179,7 @@ double Graph::scaleFor(Node node) const {
 }
 
 Node Graph::deriveFunction(Node node, Node da) {
-  if (isConstant(da, 0.0)) {
-    return da;
-  }
+  if (isConstant(da, 0.0)) return da;
   const Node a = operand(node, 0);
   const Operation operation = entry(node).operation;
   const bool has_limit = operation == Operation::kAtan || operation == Operation::kTanh ||
@@ -232,9 +224,7 @@ Node Graph::derivePower(Node node, Node da, Node db) {
   // (a^b)' = b a^(b-1) a' + a^b log(a) b'. A term is added only if its derivative is not zero by
   // the rules: a^c has a derivative also at a <= 0, although log(a) has no value.
   Node derivative = constant(0.0);
-  if (isConstant(b) && !isSlowPower(constantValue(b))) {
-    da = insideLimit(a, da);
-  }
+  if (isConstant(b) && !isSlowPower(constantValue(b))) da = insideLimit(a, da);
   db = insideLimit(b, db);
   if (!isConstant(da, 0.0)) {
     const Node slope = product(b, power(a, subtract(b, constant(1.0))));
@@ -291,9 +281,7 @@ Node Graph::deriveOne(Node node, const std::vector<Rate>& rates, const Derivativ
     case Operation::kVariable: {
       Node rate = constant(0.0);
       for (const Rate& candidate : rates) {
-        if (candidate.first == it.slot) {
-          rate = add(rate, candidate.second);
-        }
+        if (candidate.first == it.slot) rate = add(rate, candidate.second);
       }
       return rate;
     }
@@ -304,9 +292,7 @@ Node Graph::deriveOne(Node node, const std::vector<Rate>& rates, const Derivativ
     case Operation::kSubtract:
       return difference(derivative_of(0), derivative_of(1));
     case Operation::kMultiply:
-      if (a == b) {
-        return product(constant(2.0), product(a, derivative_of(0)));
-      }
+      if (a == b) return product(constant(2.0), product(a, derivative_of(0)));
       return add(product(derivative_of(0), b), product(a, derivative_of(1)));
     case Operation::kDivide:  // q = a/b: q' = (a' - q b')/b
       return quotient(difference(derivative_of(0), product(node, insideLimit(b, derivative_of(1)))),
@@ -338,12 +324,8 @@ Node Graph::deriveOne(Node node, const std::vector<Rate>& rates, const Derivativ
 
 void Graph::deriveInto(Node node, const std::vector<Rate>& rates, Derivatives& derivatives) {
   const auto count = static_cast<std::size_t>(node.index) + 1;
-  if (derivatives.size() < count) {
-    derivatives.resize(count);
-  }
-  if (derivatives[count - 1].index >= 0) {
-    return;
-  }
+  if (derivatives.size() < count) derivatives.resize(count);
+  if (derivatives[count - 1].index >= 0) return;
   for (const int i : listReachable({node})) {
     Node& derivative = derivatives[static_cast<std::size_t>(i)];
     if (derivative.index < 0) derivative = deriveOne({i}, rates, derivatives);

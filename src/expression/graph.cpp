@@ -40,9 +40,7 @@ std::size_t Graph::EntryHash::operator()(const Entry& entry) const {
     hash ^= hash >> 29;
   };
   mix(static_cast<std::uint64_t>(entry.operation));
-  for (const int operand : entry.operands) {
-    mix(static_cast<std::uint32_t>(operand));
-  }
+  for (const int operand : entry.operands) mix(static_cast<std::uint32_t>(operand));
   mix(static_cast<std::uint32_t>(entry.slot));
   mix(bitsOf(entry.value));
   mix(static_cast<std::uint64_t>(entry.order[0]) + 8U * static_cast<std::uint64_t>(entry.order[1]));
@@ -78,16 +76,12 @@ Node Graph::internOperation(Operation operation, Node a, Node b, Node c, Node d)
     all_constant = all_constant && isConstant(nodes[i]);
     values[i] = isConstant(nodes[i]) ? constantValue(nodes[i]) : 0.0;
   }
-  if (all_constant) {
-    return constant(evaluateOperation(operation, values));
-  }
+  if (all_constant) return constant(evaluateOperation(operation, values));
   if (isCommutative(operation)) {
     // Both operands are sorted: constants first, then by age.
     const bool swap =
         isConstant(a) != isConstant(b) ? isConstant(b) : entry.operands[0] > entry.operands[1];
-    if (swap) {
-      std::swap(entry.operands[0], entry.operands[1]);
-    }
+    if (swap) std::swap(entry.operands[0], entry.operands[1]);
   }
   return intern(entry);
 }

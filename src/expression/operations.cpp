@@ -18,16 +18,10 @@ double powerOf(double x, double exponent) {
   if (std::abs(exponent) > kLargestMultiplied || exponent != std::trunc(exponent)) {
     return exponent == 0.5 ? std::sqrt(x) : std::pow(x, exponent);
   }
-  if (exponent < 0.0) {
-    return 1.0 / powerOf(x, -exponent);
-  }
+  if (exponent < 0.0) return 1.0 / powerOf(x, -exponent);
   const int n = static_cast<int>(exponent);
-  if (n <= 1) {
-    return n == 0 ? 1.0 : x;
-  }
-  if (n % 2 == 1) {
-    return powerOf(x, n - 1) * x;
-  }
+  if (n <= 1) return n == 0 ? 1.0 : x;
+  if (n % 2 == 1) return powerOf(x, n - 1) * x;
   const int half = n / 2;
   const double root = powerOf(x, half);
   return root * root;
@@ -99,9 +93,8 @@ constexpr const Rule& ruleOf(Operation operation) {
 }
 
 constexpr bool areInOrder() {
-  for (const Rule& it : kRules) {
+  for (const Rule& it : kRules)
     if (&ruleOf(it.operation) != &it) return false;
-  }
   return true;
 }
 static_assert(areInOrder(), "a rule stands at its operation's number");
@@ -138,9 +131,8 @@ std::optional<Function> findFunction(Operation operation) {
 
 std::vector<std::string> functionNames() {
   std::vector<std::string> names = {kClamp.name};
-  for (const Rule& it : kRules) {
+  for (const Rule& it : kRules)
     if (*it.name != 0) names.emplace_back(it.name);
-  }
   std::sort(names.begin(), names.end());
   return names;
 }

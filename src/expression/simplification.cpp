@@ -19,12 +19,8 @@ bool isPowerOfTwo(double value) {
 
 Node Graph::negate(Node a) {
   const Operation operation = entry(a).operation;
-  if (operation == Operation::kNegate) {
-    return operand(a, 0);
-  }
-  if (operation == Operation::kSubtract) {
-    return subtract(operand(a, 1), operand(a, 0));
-  }
+  if (operation == Operation::kNegate) return operand(a, 0);
+  if (operation == Operation::kSubtract) return subtract(operand(a, 1), operand(a, 0));
   if (operation == Operation::kMultiply && isConstant(operand(a, 0))) {
     return multiply(constant(-constantValue(operand(a, 0))), operand(a, 1));
   }
@@ -40,68 +36,40 @@ Node Graph::negate(Node a) {
 }
 
 Node Graph::add(Node a, Node b) {
-  if (isConstant(a, 0.0)) {
-    return b;
-  }
-  if (isConstant(b, 0.0)) {
-    return a;
-  }
-  if (a == b) {
-    return multiply(constant(2.0), a);
-  }
-  if (entry(b).operation == Operation::kNegate) {
-    return subtract(a, operand(b, 0));
-  }
-  if (entry(a).operation == Operation::kNegate) {
-    return subtract(b, operand(a, 0));
-  }
+  if (isConstant(a, 0.0)) return b;
+  if (isConstant(b, 0.0)) return a;
+  if (a == b) return multiply(constant(2.0), a);
+  if (entry(b).operation == Operation::kNegate) return subtract(a, operand(b, 0));
+  if (entry(a).operation == Operation::kNegate) return subtract(b, operand(a, 0));
   return internOperation(Operation::kAdd, a, b);
 }
 
 Node Graph::subtract(Node a, Node b) {
-  if (isConstant(b, 0.0)) {
-    return a;
-  }
-  if (isConstant(a, 0.0)) {
-    return negate(b);
-  }
-  if (entry(b).operation == Operation::kNegate) {
-    return add(a, operand(b, 0));
-  }
+  if (isConstant(b, 0.0)) return a;
+  if (isConstant(a, 0.0)) return negate(b);
+  if (entry(b).operation == Operation::kNegate) return add(a, operand(b, 0));
   return internOperation(Operation::kSubtract, a, b);
 }
 
 Node Graph::multiply(Node a, Node b) {
-  if (isConstant(b) && !isConstant(a)) {
-    std::swap(a, b);
-  }
-  if (isConstant(a, 1.0)) {
-    return b;
-  }
-  if (isConstant(a, -1.0)) {
-    return negate(b);
-  }
+  if (isConstant(b) && !isConstant(a)) std::swap(a, b);
+  if (isConstant(a, 1.0)) return b;
+  if (isConstant(a, -1.0)) return negate(b);
   const bool a_negated = entry(a).operation == Operation::kNegate;
   const bool b_negated = entry(b).operation == Operation::kNegate;
-  if (a_negated && b_negated) {
-    return multiply(operand(a, 0), operand(b, 0));
-  }
+  if (a_negated && b_negated) return multiply(operand(a, 0), operand(b, 0));
   if (b_negated) {
     return isConstant(a) ? multiply(constant(-constantValue(a)), operand(b, 0))
                          : negate(multiply(a, operand(b, 0)));
   }
-  if (a_negated) {
-    return negate(multiply(operand(a, 0), b));
-  }
+  if (a_negated) return negate(multiply(operand(a, 0), b));
   return internOperation(Operation::kMultiply, a, b);
 }
 
 Node Graph::divide(Node a, Node b) {
   if (isConstant(b)) {
     const double divisor = constantValue(b);
-    if (divisor == 1.0) {
-      return a;
-    }
+    if (divisor == 1.0) return a;
     // x/c becomes x*(1/c) only where 1/c is exact.
     if (isPowerOfTwo(divisor) && std::isnormal(1.0 / divisor)) {
       return multiply(constant(1.0 / divisor), a);
@@ -109,15 +77,9 @@ Node Graph::divide(Node a, Node b) {
   }
   const bool a_negated = entry(a).operation == Operation::kNegate;
   const bool b_negated = entry(b).operation == Operation::kNegate;
-  if (a_negated && b_negated) {
-    return divide(operand(a, 0), operand(b, 0));
-  }
-  if (a_negated) {
-    return negate(divide(operand(a, 0), b));
-  }
-  if (b_negated) {
-    return negate(divide(a, operand(b, 0)));
-  }
+  if (a_negated && b_negated) return divide(operand(a, 0), operand(b, 0));
+  if (a_negated) return negate(divide(operand(a, 0), b));
+  if (b_negated) return negate(divide(a, operand(b, 0)));
   return internOperation(Operation::kDivide, a, b);
 }
 
@@ -127,26 +89,16 @@ Node Graph::power(Node base, Node exponent) {
     if (c == 0.0) {
       return constant(1.0);  // also where the base is 0 or NaN, as std::pow has it
     }
-    if (c == 0.5) {
-      return internOperation(Operation::kSqrt, base);
-    }
-    if (c == 1.0) {
-      return base;
-    }
-    if (c == -1.0) {
-      return divide(constant(1.0), base);
-    }
-    if (c == 2.0) {
-      return multiply(base, base);
-    }
+    if (c == 0.5) return internOperation(Operation::kSqrt, base);
+    if (c == 1.0) return base;
+    if (c == -1.0) return divide(constant(1.0), base);
+    if (c == 2.0) return multiply(base, base);
   }
   return internOperation(Operation::kPower, base, exponent);
 }
 
 Node Graph::select(Node left, Node right, Node yes, Node no) {
-  if (yes == no) {
-    return yes;
-  }
+  if (yes == no) return yes;
   if (isConstant(left) && isConstant(right)) {
     const double a = constantValue(left);
     const double b = constantValue(right);
