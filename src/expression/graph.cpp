@@ -185,8 +185,8 @@ bool Graph::anyReachable(const std::vector<Node>& nodes, Is is) const {
   return std::any_of(reachable.begin(), reachable.end(), [&](int i) { return is(entry({i})); });
 }
 
-bool Graph::dependsOn(Node node, int slot) const {
-  return anyReachable({node}, [&](const Entry& it) {
+bool Graph::dependsOn(const std::vector<Node>& nodes, int slot) const {
+  return anyReachable(nodes, [&](const Entry& it) {
     return it.operation == Operation::kVariable && it.slot == slot;
   });
 }

@@ -166,34 +166,33 @@ void readStates(ParameterReader& root, const SceneNames& names, Scene* scene) {
   }
 }
 
+/// Returns the formulas that the motion of shafts follows from.
+std::vector<Node> listLaws(const Scene& scene) {
+  std::vector<Node> formulas;
+  for (const Law* law : scene.laws()) {
+    formulas.insert(formulas.end(), law->formulas().begin(), law->formulas().end());
+    for (const Holding& it : law->holdings()) {
+      for (const std::optional<Expression>& limit : {it.upper, it.lower, it.level, it.gap}) {
+        if (limit) formulas.push_back(limit->in(*scene.graph));
+      }
+    }
+  }
+  for (const CommandInputSettings& input : scene.inputs) {
+    if (input.kind == InputKind::kDelayed) formulas.push_back(input.delayed);
+  }
+  return formulas;
+}
+
 /// Notes which states the motion, an event or another rate reads, and what trim does with each.
 void noteReaders(ParameterReader& root, const SceneNames& names, Scene* scene) {
+  std::vector<Node> moving = listLaws(*scene);
+  for (const SceneState& state : scene->states) moving.push_back(state.rate);
+  std::vector<Node> read = moving;
+  for (const SceneEvent& event : scene->events) read.push_back(event.when);
   for (SceneState& state : scene->states) {
     const int slot = slotOf(Source::kInput, state.input);
-    const auto reads = [&](Node node) { return scene->graph->dependsOn(node, slot); };
-    const auto lawReads = [&](const Law* law) {
-      const std::vector<Holding>& holds = law->holdings();
-      const auto limitReads = [&](const std::optional<Expression>& it) {
-        return it && reads(it->in(*scene->graph));
-      };
-      return std::any_of(law->formulas().begin(), law->formulas().end(), reads) ||
-             std::any_of(holds.begin(), holds.end(), [&](const Holding& it) {
-               return limitReads(it.upper) || limitReads(it.lower) || limitReads(it.level) ||
-                      limitReads(it.gap);
-             });
-    };
-    const std::vector<const Law*> laws = scene->laws();
-    const bool is_moving =
-        std::any_of(laws.begin(), laws.end(), lawReads) ||
-        std::any_of(scene->inputs.begin(), scene->inputs.end(), [&](const auto& it) {
-          return it.kind == InputKind::kDelayed && reads(it.delayed);
-        });
-    const bool rates_read = std::any_of(scene->states.begin(), scene->states.end(),
-                                        [&](const SceneState& it) { return reads(it.rate); });
-    state.is_read = is_moving || rates_read ||
-                    std::any_of(scene->events.begin(), scene->events.end(),
-                                [&](const SceneEvent& it) { return reads(it.when); });
-    state.trims_to_rest = is_moving || rates_read;
+    state.is_read = scene->graph->dependsOn(read, slot);
+    state.trims_to_rest = scene->graph->dependsOn(moving, slot);
     // (Those of a controller have no dictionary of their own.)
     const std::string& name = scene->inputs[static_cast<std::size_t>(state.input)].name;
     if (!contains(names.states, name)) continue;

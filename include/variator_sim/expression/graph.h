@@ -138,8 +138,9 @@ class Graph {
   }
   /// The value of a node for which isConstant holds.
   double constantValue(Node node) const { return entry(node).value; }
-  /// True when the variable in `slot` occurs in `node`.
-  bool dependsOn(Node node, int slot) const;
+  /// True when the variable in `slot` occurs in `node`, or in one of `nodes`.
+  bool dependsOn(Node node, int slot) const { return dependsOn(std::vector<Node>{node}, slot); }
+  bool dependsOn(const std::vector<Node>& nodes, int slot) const;
   /// True when a constant that is NaN or infinite occurs in one of `nodes`.
   bool hasNonFiniteConstant(const std::vector<Node>& nodes) const;
 
