@@ -68,45 +68,33 @@ void AccelerationConstraints::enter(const StateView& state) {
   inertia_.solve(torque_.data(), free_.data());
 }
 
-bool AccelerationConstraints::factor(const StateView& state, double* psi) {
+bool AccelerationConstraints::factor(const StateView& state) {
+  psi_.resize(rowCount());
+  Vector gradient(S);
   for (int m = 0; m < rowCount(); ++m) {
-    psi[m] = row(m).calcResidualAndJacobian(state, rows_.row(m));
+    psi_(m) = row(m).calcResidualAndJacobian(state, gradient.data());
+    rows_.C().row(m) = gradient;
   }
   return rows_.factor(mobility());
 }
 
-void AccelerationConstraints::lessen(double* psi, double* delta) const {
-  for (int m = 0; m < rowCount(); ++m) psi[m] = -psi[m];
-  rows_.solve(psi, psi);
-  std::fill_n(delta, S, 0.0);
-  rows_.addReaction(psi, delta);
-}
-
 bool AccelerationConstraints::calcCorrection(const StateView& state, double* delta) {
-  double psi[kMaxConstraints];
-  if (!factor(state, psi)) return false;
-  lessen(psi, delta);
+  if (!factor(state)) return false;
+  Vector::Map(delta, S) = rows_.toAccelerations() * rows_.solve(-psi_);
   return true;
 }
 
 bool AccelerationConstraints::calcLinearizedReaction(const StateView& state, double* delta) {
-  double psi[kMaxConstraints];
-  if (!factor(state, psi)) return false;
-  for (int m = 0; m < rowCount(); ++m) {
-    for (int i = 0; i < S; ++i) psi[m] += rows_.row(m)[i] * (free_(i) - state.acceleration[i]);
-  }
-  lessen(psi, delta);
+  if (!factor(state)) return false;
+  for (int i = 0; i < S; ++i) psi_ += rows_.C().col(i) * (free_(i) - state.acceleration[i]);
+  Vector::Map(delta, S) = rows_.toAccelerations() * rows_.solve(-psi_);
   return true;
 }
 
 bool AccelerationConstraints::calcMultipliers(const StateView& state, double* lambda) {
-  double psi[kMaxConstraints];
-  if (!factor(state, psi)) return false;
-  for (int m = 0; m < rowCount(); ++m) {
-    lambda[m] = 0.0;
-    for (int i = 0; i < S; ++i) lambda[m] += rows_.row(m)[i] * (state.acceleration[i] - free_(i));
-  }
-  rows_.solve(lambda, lambda);
+  if (!factor(state)) return false;
+  ConstraintRows::Vector::Map(lambda, rowCount()) =
+      rows_.solve(rows_.C() * (Vector::Map(state.acceleration, S) - free_));
   return true;
 }
 

@@ -52,10 +52,8 @@ class AccelerationConstraints {
   double rowLengthSquared(int m) const { return rows_.lengthSquared(m); }
 
  private:
-  /// Factors C at `state` and writes psi.
-  bool factor(const StateView& state, double* psi);
-  /// delta = -J^-1 C^T A^-1 psi, of C as it was factored; psi is lost.
-  void lessen(double* psi, double* delta) const;
+  /// Finds psi and factors C at `state`.
+  bool factor(const StateView& state);
 
   const int S;  // shafts
   const Scene& scene_;
@@ -67,6 +65,7 @@ class AccelerationConstraints {
   expression::Tape terms_;  ///< of each row, sum |dpsi/dx x| over all x that it reads
   ShaftSet nonlinear_;
   ConstraintRows rows_;
+  ConstraintRows::Vector psi_;
 };
 
 }  // namespace variator_sim

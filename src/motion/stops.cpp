@@ -119,8 +119,10 @@ bool StopSearch::findLostRow(const StateView& state, int highest_order) {
   }
   ConstraintRows rows(S, count);
   for (int n = 0; n < count; ++n) {
+    double row[kMaxShafts];
     double c0;
-    scene_.constraints[static_cast<std::size_t>(which[n])]->calcRow(state, rows.row(n), &c0);
+    scene_.constraints[static_cast<std::size_t>(which[n])]->calcRow(state, row, &c0);
+    rows.C().row(n) = DenseVector::Map(row, S);
   }
   const DenseMatrix J = motion_.quantities.calcInertia(state);
   SquareMatrix mobility(S, S);
