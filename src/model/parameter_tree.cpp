@@ -44,19 +44,20 @@ std::string formatReal(double value) {
 
 namespace {
 
-/// Returns false unless the whole text is a number. A text too large or too small for a double
-/// counts as infinity or as NaN, which are not finite numbers.
+/// Reads the number at the beginning of a text; returns its length, 0 if there is none. One too
+/// large or too small for a double counts as NaN, which is no finite number.
+std::size_t readNumberOf(const std::string& text, double* value) {
+  const std::size_t begin = text.size() > 1 && text[0] == '+' && text[1] != '-' ? 1 : 0;
+  const auto [rest, error] =
+      std::from_chars(text.data() + begin, text.data() + text.size(), *value);
+  if (error == std::errc::invalid_argument) return 0;
+  if (error != std::errc()) *value = std::numeric_limits<double>::quiet_NaN();
+  return static_cast<std::size_t>(rest - text.data());
+}
+
+/// Returns false unless the whole text is a number.
 bool parseNumber(const std::string& text, double* value) {
-  const char* begin = text.data();
-  const char* const end = begin + text.size();
-  if (text.size() > 1 && *begin == '+' && begin[1] != '-') ++begin;
-  const auto result = std::from_chars(begin, end, *value);
-  if (result.ptr != end || begin == end) return false;
-  if (result.ec == std::errc::result_out_of_range) {
-    *value = std::numeric_limits<double>::quiet_NaN();
-    return true;
-  }
-  return result.ec == std::errc();
+  return !text.empty() && readNumberOf(text, value) == text.size();
 }
 
 /// Returns false unless `value` is a number or a text that is one.
@@ -77,13 +78,10 @@ struct Quantity {
 /// Returns nothing for a value of another form.
 std::optional<Quantity> findQuantity(const ParameterTree& value) {
   const std::string& text = value.asText();
-  const std::size_t begin = text.size() > 1 && text.front() == '+' && text[1] != '-' ? 1 : 0;
   Quantity found;
-  const auto [end, error] =
-      std::from_chars(text.data() + begin, text.data() + text.size(), found.number);
-  if (error != std::errc()) return {};
-  const std::size_t name = text.find_first_not_of(' ', static_cast<std::size_t>(end - text.data()));
-  if (name == text.npos) return {};
+  const std::size_t end = readNumberOf(text, &found.number);
+  const std::size_t name = text.find_first_not_of(' ', end);
+  if (end == 0 || std::isnan(found.number) || name == text.npos) return {};
   found.name = text.substr(name);
   const std::optional<UnitText> unit = readUnit(found.name);
   if (!unit) return {};
@@ -187,30 +185,25 @@ void append(const ParameterTree& tree, std::string* text) {
       // (Cut first: a text may have any length.)
       *text += quote(tree.asText().substr(0, kLongestQuote + 1));
       break;
-    case ParameterTree::Kind::kList: {
-      const char* separator = "";
+    case ParameterTree::Kind::kList:
       *text += "[";
       for (const ParameterTree& value : tree.asList()) {
-        *text += separator;
-        append(value, text);
         if (text->size() > kLongestQuote) return;
-        separator = ", ";
+        if (&value != &tree.asList().front()) *text += ", ";
+        append(value, text);
       }
       *text += "]";
       break;
-    }
-    case ParameterTree::Kind::kDictionary: {
-      const char* separator = "";
+    case ParameterTree::Kind::kDictionary:
       *text += "{";
       for (const auto& [key, value] : tree.asDictionary()) {
-        *text += separator + quote(key.substr(0, kLongestQuote + 1)) + ": ";
-        append(value, text);
         if (text->size() > kLongestQuote) return;
-        separator = ", ";
+        if (&key != &tree.asDictionary().begin()->first) *text += ", ";
+        *text += quote(key.substr(0, kLongestQuote + 1)) + ": ";
+        append(value, text);
       }
       *text += "}";
       break;
-    }
   }
 }
 
