@@ -139,8 +139,8 @@ class ParameterReader {
     return {keyPath(key), message};
   }
   bool has(const std::string& key) const;
-  /// True when the value at `key` is a number, be it as a text or with a unit.
-  bool isNumber(const std::string& key) const;
+  /// True for a number, be it as a text or with a unit.
+  static bool isNumber(const ParameterTree& value);
 
   // A key without a `default_value` is required.
   double number(const std::string& key, const Range& range = Range::any(),

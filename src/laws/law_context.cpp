@@ -70,7 +70,7 @@ Expression readQuantity(ComponentContext& context, ParameterReader& section, con
   const Kind kind = tree.kind();
   if (kind == Kind::kInteger || kind == Kind::kReal) return section.number(key, range);
   if (kind == Kind::kText) {
-    if (section.isNumber(key)) return section.number(key, range);
+    if (ParameterReader::isNumber(tree)) return section.number(key, range);
     Graph& graph = *context.graph();
     const Expression formula(
         graph, readFormula(context, section, key, expression::FormulaKind::kQuantity, graph));

@@ -284,10 +284,9 @@ bool ParameterReader::has(const std::string& key) const {
   return tree_->find(key) != nullptr;
 }
 
-bool ParameterReader::isNumber(const std::string& key) const {
+bool ParameterReader::isNumber(const ParameterTree& value) {
   double unused = 0.0;
-  const ParameterTree* const value = tree_->find(key);
-  return value != nullptr && (parseNumber(*value, &unused) || findQuantityOrFormula(*value));
+  return parseNumber(value, &unused) || findQuantityOrFormula(value);
 }
 
 void ParameterReader::noteKeys(std::set<std::string>* paths) {

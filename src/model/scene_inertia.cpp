@@ -92,14 +92,9 @@ double calcLeastInertia(const ShaftInertia& inertia) {
   return std::min(calcInertia(inertia, best), calcInertia(inertia, 0.5 * (low + high)));
 }
 
-bool isFormula(ParameterReader reader, const std::string& key) {
-  const ParameterTree* value = reader.has(key) ? reader.raw(key) : nullptr;
-  return value != nullptr && value->kind() == ParameterTree::Kind::kText && !reader.isNumber(key);
-}
-
-/// Returns a coupling [shaft, shaft, value] as a dictionary of its value.
-ParameterTree valueOf(const ParameterTree& coupling) {
-  return ParameterTree::dictionary({{"value", coupling.asList()[2]}});
+bool isFormula(const ParameterTree* value) {
+  return value != nullptr && value->kind() == ParameterTree::Kind::kText &&
+         !ParameterReader::isNumber(*value);
 }
 
 /// Reads a number, or {mean, harmonics: [{order, cos, sin}, ...]}; positive at every angle.
@@ -108,7 +103,7 @@ ShaftInertia readShaftInertia(ParameterReader& root, const std::string& shaft) {
   reader.allow("inertia");
   ShaftInertia inertia;
   const ParameterTree* value = reader.raw("inertia");
-  if (isFormula(reader, "inertia")) {
+  if (isFormula(value)) {
     reader.numberDictionary("parameters");
     reader.finish();
     inertia.mean = inertia.least = 1.0;
@@ -169,6 +164,22 @@ std::pair<int, int> readCoupledShafts(const ParameterTree& coupling, const std::
   return std::minmax(pair[0], pair[1]);
 }
 
+/// Calls `use` with the shafts, the value and the path of each coupling.
+template <class Use>
+void forEachCoupling(ParameterReader& root, const std::vector<std::string>& shafts, Use use) {
+  std::vector<std::pair<int, int>> coupled;
+  for (const ParameterTree& coupling : root.list(kCouplings, kCouplingsExpected)) {
+    const std::string path = elementPath(kCouplings, coupled.size());
+    const std::pair<int, int> pair = readCoupledShafts(coupling, path, shafts);
+    if (contains(coupled, pair)) {
+      throw SceneError(path, coupling.toText() +
+                                 " couples these shafts a second time; allowed: every pair once");
+    }
+    coupled.push_back(pair);
+    use(pair.first, pair.second, coupling.asList()[2], elementPath(path, 2));
+  }
+}
+
 /// Tells whether all pivots D of A = L D L^T are positive.
 bool isPositiveDefinite(Eigen::MatrixXd A) {
   for (int i = 0; i < A.rows(); ++i) {
@@ -194,33 +205,20 @@ double calcSmallestEigenvalue(const Eigen::MatrixXd& A) {
 /// Reads off-diagonal terms [[a, b, value], ...]. `least` holds the least inertia of every shaft: J
 /// is positive definite at every angle when it is with these on its diagonal.
 void readInertiaCoupling(ParameterReader& root, const std::vector<double>& least, Scene* scene) {
-  Eigen::MatrixXd* const J = &scene->inertia;
-  const ParameterTree::List& couplings = root.list(kCouplings, kCouplingsExpected);
-  if (couplings.empty()) return;
-  std::vector<std::pair<int, int>> coupled;
+  Eigen::MatrixXd& J = scene->inertia;
   bool has_formulas = false;
   for (const std::string& shaft : scene->shafts) {
-    has_formulas = has_formulas || isFormula(root.section(shaft), "inertia");
+    has_formulas = has_formulas || isFormula(root.section(shaft).raw("inertia"));
   }
-  for (const ParameterTree& coupling : couplings) {
-    const std::string path = elementPath(kCouplings, coupled.size());
-    const std::pair<int, int> pair = readCoupledShafts(coupling, path, scene->shafts);
-    if (contains(coupled, pair)) {
-      throw SceneError(path, coupling.toText() +
-                                 " couples these shafts a second time; allowed: every pair once");
-    }
-    coupled.push_back(pair);
-    if (isFormula(ParameterReader(valueOf(coupling), path), "value")) {
-      has_formulas = true;
-      continue;
-    }
-    const double value =
-        ParameterReader::toNumber(coupling.asList()[2], elementPath(path, 2), Range::any("kg m^2"));
-    (*J)(pair.first, pair.second) = value;
-    (*J)(pair.second, pair.first) = value;
-  }
+  forEachCoupling(
+      root, scene->shafts, [&](int i, int j, const ParameterTree& value, const std::string& path) {
+        has_formulas = has_formulas || isFormula(&value);
+        if (isFormula(&value)) return;
+        J(i, j) = J(j, i) = ParameterReader::toNumber(value, path, Range::any("kg m^2"));
+      });
+  if (J.isDiagonal(0.0)) return;
 
-  Eigen::MatrixXd smallest = *J;
+  Eigen::MatrixXd smallest = J;
   for (std::size_t i = 0; i < least.size(); ++i) {
     const auto row = static_cast<int>(i);
     smallest(row, row) = least[i];
@@ -340,11 +338,11 @@ void takeFormulas(std::vector<Node> J, bool are_constant, Scene* scene) {
 
 /// Reads one formula of J.
 Node readEntry(ParameterReader& reader, const std::string& name, const std::string& key,
-               const Scene& scene, std::vector<CommandInputSettings>& inputs) {
-  Graph& graph = *scene.graph;
+               Scene* scene) {
+  Graph& graph = *scene->graph;
   const std::string path = reader.keyPath(key);
   reader.allow(key);
-  ComponentContext context(name, reader, scene.shafts, inputs, scene.symbols, scene.graph);
+  ComponentContext context = contextOf(name, reader, scene);
   const Node entry = readFormula(context, key, expression::FormulaKind::kQuantity, graph);
   reader.finish();
   if (expression::reads(graph, {entry}, Source::kVelocity)) {
@@ -353,7 +351,7 @@ Node readEntry(ParameterReader& reader, const std::string& name, const std::stri
                      "omega^T J omega has J(phi, t)");
   }
   for (const int n : context.usedInputs()) {
-    const CommandInputSettings& input = inputs[static_cast<std::size_t>(n)];
+    const CommandInputSettings& input = scene->inputs[static_cast<std::size_t>(n)];
     if (input.kind == InputKind::kCommanded && input.hold == Hold::kSecondOrderLag) continue;
     throw SceneError(path, "reads " + inQuotes(input.name) +
                                ", and where it or its rate jumps the velocities would; allowed: "
@@ -382,30 +380,23 @@ void readInertiaFormulas(ParameterReader& root, Scene* scene) {
     J.data()[S * i + j] = J.data()[S * j + i] = entry;
     are_constant = are_constant && graph.isConstant(entry);
   };
-  bool is_any = false;
   for (int i = 0; i < S; ++i) {
     const std::string& shaft = scene->shafts[static_cast<std::size_t>(i)];
     ParameterReader reader = root.section(shaft);
-    if (!isFormula(reader, "inertia")) continue;
-    set(i, i, readEntry(reader, shaft, "inertia", *scene, scene->inputs));
-    is_any = true;
+    if (isFormula(reader.raw("inertia"))) set(i, i, readEntry(reader, shaft, "inertia", scene));
   }
-  std::size_t coupled = 0;
-  for (const ParameterTree& coupling : root.list(kCouplings, kCouplingsExpected)) {
-    const std::string path = elementPath(kCouplings, coupled++);
-    const auto [i, j] = readCoupledShafts(coupling, path, scene->shafts);
-    const ParameterTree value = valueOf(coupling);
-    ParameterReader reader(value, path);
-    if (!isFormula(reader, "value")) continue;
-    is_any = true;
-    try {
-      set(i, j, readEntry(reader, path, "value", *scene, scene->inputs));
-    } catch (const SceneError& error) {
-      throw SceneError(elementPath(path, 2), error.message());
-    }
-  }
-  if (!is_any) return;
-  takeFormulas(std::move(J), are_constant, scene);
+  forEachCoupling(root, scene->shafts,
+                  [&](int i, int j, const ParameterTree& value, const std::string& path) {
+                    if (!isFormula(&value)) return;
+                    const ParameterTree tree = ParameterTree::dictionary({{"value", value}});
+                    ParameterReader reader(tree, "");
+                    try {
+                      set(i, j, readEntry(reader, path, "value", scene));
+                    } catch (const SceneError& error) {
+                      throw SceneError(path, error.message());
+                    }
+                  });
+  if (!J.empty()) takeFormulas(std::move(J), are_constant, scene);
 }
 
 }  // namespace variator_sim

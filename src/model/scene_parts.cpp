@@ -94,10 +94,7 @@ class Renaming {
   /// they are paths.
   std::string rewrite(const std::string& text) const {
     // A number may have a unit that is some name, too.
-    if (ParameterReader(ParameterTree::dictionary({{"x", ParameterTree::text(text)}}), "")
-            .isNumber("x")) {
-      return text;
-    }
+    if (ParameterReader::isNumber(ParameterTree::text(text))) return text;
     std::string made;
     for (std::size_t begin = 0; begin < text.size();) {
       std::size_t end = begin;
