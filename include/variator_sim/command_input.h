@@ -20,7 +20,6 @@ enum class Hold {
   kSecondOrderLag   ///< (tau d/dt + 1)^2 u = command, critically damped: u and u' are continuous
 };
 
-/// Returns the hold's name in scenes.
 const char* toString(Hold hold);
 
 /// The action when no command has come for `timeout` seconds of simulated time.
@@ -106,7 +105,6 @@ class CommandSignal {
   double segmentEnd() const { return it_.end; }
   /// Moves past `segmentEnd()`: u stays at its target from there.
   void finishSegment();
-  /// Returns the limit of u.
   double target() const { return it_.target; }
 
   /// Saves and restores the closed form to the bit. Throws SceneError for a form that no input with

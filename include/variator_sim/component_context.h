@@ -54,7 +54,6 @@ class ComponentContext {
   /// Gives the commanded input of this index the bounds of `range` in place of the limits that it
   /// does not state: commands beyond are clamped and counted.
   void limitInput(int index, const Range& range);
-  /// Returns the formulas of the whole scene.
   const std::shared_ptr<expression::Graph>& graph() const { return graph_; }
 
   /// Adds a sentence that warns the author of the scene.

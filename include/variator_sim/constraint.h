@@ -26,9 +26,11 @@ using ConstraintPtr = std::shared_ptr<Constraint>;
 ///     class Slip : public variator_sim::Constraint {
 ///       void build(variator_sim::LawContext& scene) override {
 ///         const auto s = scene.shafts("shafts", 2);
-///         const double tau = scene.number("time_constant", variator_sim::Range::positive());
-///         scene.constrain(tau * (s[1].acceleration - s[0].acceleration) + s[1].velocity -
-///                         s[0].velocity);
+///         const auto i = scene.quantity("ratio", variator_sim::Range::any("1"));
+///         const double tau = scene.number("time_constant", variator_sim::Range::positive("s"));
+///         const auto slip = s[1].velocity - i * s[0].velocity;
+///         scene.constrain(tau * (s[1].acceleration - i * s[0].acceleration) + slip);
+///         scene.output("slip", slip);
 ///       }
 ///     };
 ///
@@ -37,7 +39,6 @@ using ConstraintPtr = std::shared_ptr<Constraint>;
 /// (`second_order_lag`) only.
 class Constraint : public Law {
  public:
-  /// Returns 1, 2 or 3.
   int order() const { return order_; }
   /// Returns f, psi, or C eta + c0.
   expression::Node function() const { return formulas().front(); }

@@ -1,13 +1,5 @@
-/// The interface of a law's `build`: reads its keys of the scene and states its formulas.
-///
-///     void build(LawContext& scene) override {
-///       const std::vector<Shaft> shafts = scene.shafts("shafts", 2);
-///       const Expression i = scene.quantity("ratio", Range::any("1"));
-///       const double tau = scene.number("time_constant", Range::positive("s"));
-///       const Expression slip = shafts[1].velocity - i * shafts[0].velocity;
-///       scene.constrain(tau * (shafts[1].acceleration - i * shafts[0].acceleration) + slip);
-///       scene.output("slip", slip);
-///     }
+/// The interface of a law's `build` (constraint.h, torque.h): reads its keys of the scene and
+/// states its formulas.
 #pragma once
 
 #include <initializer_list>
@@ -110,8 +102,7 @@ class LawContext {
 
   /// True for a formula that reads the velocity of a shaft.
   bool readsVelocities(const Expression& formula) const;
-  /// Returns t, s.
-  Expression time();
+  Expression time();  ///< t, s
   /// Returns `f` at its arguments: a function that states its values and first derivatives in C++.
   Expression function(std::shared_ptr<const OpaqueFunction> f, std::vector<Expression> arguments);
   Expression lookUp(const Table& table, const Expression& x);
