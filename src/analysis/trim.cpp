@@ -177,9 +177,14 @@ class Trim {
     }
     unknowns_.assign(unknowns.begin(), unknowns.end());
   }
+  static bool isIn(int variable, int first, int end) { return variable >= first && variable < end; }
+  /// True for velocities and accelerations.
+  bool isSpeed(int variable) const { return isIn(variable, layout_.velocity(0), layout_.jerk(0)); }
+  bool isInput(int variable) const {
+    return isIn(variable, layout_.input(0), layout_.multiplier(0));
+  }
   void refuseAcceleration(int variable) const {
-    const bool is_acceleration =
-        variable >= layout_.acceleration(0) && variable < layout_.acceleration(layout_.S);
+    const bool is_acceleration = isIn(variable, layout_.acceleration(0), layout_.jerk(0));
     if (!is_acceleration || options_.accelerating) return;
     throw SceneError("", inQuotes(nameOf(variable)) +
                              " is 0 where speeds are constant; steady states with accelerations "
@@ -232,11 +237,11 @@ class Trim {
       const int variable = unknowns_[at(j)];
       const double place = halton(n, j);
       const double both = is_positive ? place : 2.0 * place - 1.0;
-      if (variable >= layout_.velocity(0) && variable < layout_.jerk(0)) {
+      if (isSpeed(variable)) {
         v(variable) = size * both;
       } else if (variable < layout_.velocity(0)) {
         if (n % 2 == 0) v(variable) = base_(variable) + kPi * (2.0 * place - 1.0);
-      } else if (variable >= layout_.input(0) && variable < layout_.multiplier(0)) {
+      } else if (isInput(variable)) {
         const CommandInputSettings& input = scene_.inputs[at(variable - layout_.input(0))];
         const bool has_limits = std::isfinite(input.minimum) && std::isfinite(input.maximum);
         v(variable) = has_limits ? input.minimum + place * (input.maximum - input.minimum)
@@ -252,9 +257,9 @@ class Trim {
     MatrixXd by_multipliers = here.dF;
     for (int j = 0; j < by_multipliers.cols(); ++j) {
       const int variable = unknowns_[at(j)];
-      const bool is_multiplier = variable >= layout_.multiplier(0) && variable < layout_.growth();
-      const bool is_auxiliary = variable >= layout_.auxiliary(0) && variable < layout_.input(0);
-      if (!is_multiplier && !is_auxiliary) by_multipliers.col(j).setZero();
+      const bool is_linear = isIn(variable, layout_.multiplier(0), layout_.growth()) ||
+                             isIn(variable, layout_.auxiliary(0), layout_.input(0));
+      if (!is_linear) by_multipliers.col(j).setZero();
     }
     return moved(v, solveLeastSquares(by_multipliers, -here.F));
   }
@@ -312,9 +317,7 @@ class Trim {
   }
   /// True for speeds, accelerations and inputs, which distinguish steady states.
   bool counts(int unknown) const {
-    const int variable = unknowns_[at(unknown)];
-    return (variable >= layout_.velocity(0) && variable < layout_.jerk(0)) ||
-           (variable >= layout_.input(0) && variable < layout_.multiplier(0));
+    return isSpeed(unknowns_[at(unknown)]) || isInput(unknowns_[at(unknown)]);
   }
   /// Returns only these unknowns, the others 0.
   VectorXd countedOf(VectorXd unknowns) const {

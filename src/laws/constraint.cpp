@@ -5,6 +5,7 @@
 #include <string>
 
 #include "variator_sim/errors.h"
+#include "variator_sim/expression/guards.h"
 
 namespace variator_sim {
 
@@ -27,40 +28,24 @@ int orderOf(const Graph& graph, Node function) {
   return order;
 }
 
-bool isPiecewise(Operation operation) {
-  return operation == Operation::kAbs || operation == Operation::kMin ||
-         operation == Operation::kMax || operation == Operation::kSign ||
-         operation == Operation::kSelect;
-}
-
-/// Returns for every node of the graph the variables of `source` it reads, bit i for shaft i.
-std::vector<ShaftSet> findReads(const Graph& graph, Source source, int s) {
-  std::vector<ShaftSet> reads(static_cast<std::size_t>(graph.size()));
-  for (int n = 0; n < graph.size(); ++n) {
-    const Graph::Entry& entry = graph.entry({n});
-    ShaftSet& mask = reads[static_cast<std::size_t>(n)];
-    if (entry.operation == Operation::kVariable && expression::sourceOf(entry.slot) == source &&
-        expression::indexOf(entry.slot) < s) {
-      mask.set(static_cast<std::size_t>(expression::indexOf(entry.slot)));
-    }
-    // Operands precede their users.
-    for (int p = 0; p < operandCount(entry.operation); ++p) {
-      mask |= reads[static_cast<std::size_t>(entry.operands[p])];
-    }
-  }
-  return reads;
-}
-
-/// Returns the part of `reads` that abs, min, max, sign and comparisons in `node` read: there it is
-/// at best piecewise linear, although its second derivatives are zero.
-ShaftSet findPiecewise(const Graph& graph, const std::vector<ShaftSet>& reads, Node node) {
+/// Returns the accelerations that `node` reads, bit i for shaft i.
+ShaftSet readAccelerations(const Graph& graph, Node node) {
   ShaftSet mask;
   for (const int n : graph.listReachable({node})) {
     const Graph::Entry& entry = graph.entry({n});
-    if (!isPiecewise(entry.operation)) continue;
-    // In each mode a select is one of its last operands, so only its comparison counts.
-    const int compared = entry.operation == Operation::kSelect ? 2 : operandCount(entry.operation);
-    for (int p = 0; p < compared; ++p) mask |= reads[static_cast<std::size_t>(entry.operands[p])];
+    const bool is_acceleration = entry.operation == Operation::kVariable &&
+                                 expression::sourceOf(entry.slot) == Source::kAcceleration;
+    if (is_acceleration) mask.set(static_cast<std::size_t>(expression::indexOf(entry.slot)));
+  }
+  return mask;
+}
+
+/// Returns those that abs, min, max, sign and comparisons in `node` read: there it is at best
+/// piecewise linear, although its second derivatives are zero.
+ShaftSet findPiecewise(Graph& graph, Node node) {
+  ShaftSet mask;
+  for (const expression::Branch& it : expression::findBranches(graph, {node})) {
+    mask |= readAccelerations(graph, it.argument);
   }
   return mask;
 }
@@ -69,28 +54,16 @@ ShaftSet findPiecewise(const Graph& graph, const std::vector<ShaftSet>& reads, N
 constexpr std::size_t kMostKinks = 16;
 
 /// Returns functions at whose zeros `given` has a kink in the accelerations but does not jump.
-std::vector<Node> findKinks(Graph& graph, const std::vector<ShaftSet>& reads, Node given, int s) {
+std::vector<Node> findKinks(Graph& graph, Node given, int s) {
   std::vector<Node> kinks;
-  for (const int n : graph.listReachable({given})) {
-    if (kinks.size() == kMostKinks) break;
-    if (reads[static_cast<std::size_t>(n)].none()) continue;
-    const Graph::Entry entry = graph.entry({n});
-    Node found;
-    if (entry.operation == Operation::kAbs) {
-      found = {entry.operands[0]};
-    } else if (entry.operation == Operation::kMin || entry.operation == Operation::kMax) {
-      found = graph.subtract({entry.operands[0]}, {entry.operands[1]});
-    } else {
-      continue;
-    }
-    if (std::find(kinks.begin(), kinks.end(), found) != kinks.end()) continue;
+  for (const expression::Branch& it : expression::findBranches(graph, {given})) {
     // (A kink of a piecewise constant, as abs(sign(e1)), is none.)
     bool moves = false;
     for (int i = 0; i < s; ++i) {
-      const Node slope = graph.differentiate(found, slotOf(Source::kAcceleration, i));
+      const Node slope = graph.differentiate(it.argument, slotOf(Source::kAcceleration, i));
       moves = moves || !graph.isConstant(slope, 0.0);
     }
-    if (moves) kinks.push_back(found);
+    if (moves && !it.jumps && kinks.size() < kMostKinks) kinks.push_back(it.argument);
   }
   return kinks;
 }
@@ -121,8 +94,7 @@ void Constraint::derive(const LawContext& law, const ComponentContext& context) 
     direction_[static_cast<std::size_t>(shaft)] = D.in(graph);
   }
   if (order != 2) return;
-  const std::vector<ShaftSet> reads = findReads(graph, Source::kAcceleration, s);
-  for (const Node kink : findKinks(graph, reads, given, s)) {
+  for (const Node kink : findKinks(graph, given, s)) {
     kinks_.push_back(std::make_shared<Derived>(*this, kink, 2));
   }
 }
@@ -199,20 +171,16 @@ Node Constraint::withoutJerks(const std::vector<Node>& C, const std::string& pat
 }
 
 void Constraint::noteNonlinear(const Formulas& formulas) {
-  const Graph& graph = Law::graph();
+  Graph& graph = Law::graph();
   const int s = shaftCount();
-  if (order_ > 1) {
-    const std::vector<ShaftSet> reads = findReads(graph, Source::kAcceleration, s);
-    nonlinear_ = findPiecewise(graph, reads, function());
-    for (int i = 0; i < s; ++i) {
-      bool is_constant =
-          findPiecewise(graph, reads, formulas.C[static_cast<std::size_t>(i)]).none();
-      const auto row = formulas.hessian.begin() + static_cast<std::ptrdiff_t>(i) * s;
-      is_constant = is_constant && std::all_of(row, row + s, [&graph](Node node) {
-                      return graph.isConstant(node, 0.0);
-                    });
-      if (!is_constant) nonlinear_.set(static_cast<std::size_t>(i));
-    }
+  if (order_ == 1) return;
+  nonlinear_ = findPiecewise(graph, function());
+  for (int i = 0; i < s; ++i) {
+    const auto row = formulas.hessian.begin() + static_cast<std::ptrdiff_t>(i) * s;
+    const bool is_constant =
+        findPiecewise(graph, formulas.C[static_cast<std::size_t>(i)]).none() &&
+        std::all_of(row, row + s, [&](Node node) { return graph.isConstant(node, 0.0); });
+    if (!is_constant) nonlinear_.set(static_cast<std::size_t>(i));
   }
 }
 

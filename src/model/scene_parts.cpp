@@ -27,15 +27,15 @@ bool isNamePart(char c) {
 class Renaming {
  public:
   Renaming(std::string part, const ParameterTree& scene, Renamed shafts)
-      : part_(std::move(part)), shafts_(std::move(shafts)), names_(shafts_) {
+      : part_(std::move(part)), names_(std::move(shafts)) {
     int number = 0;
     for (const std::string& shaft : namesAt(scene, "shafts", part_)) {
       const std::string index = std::to_string(++number);
       for (const char* of : {"phi", "w", "e", "j"}) {
-        words_[of + index] = std::string(of) + "_" + shafts_.at(shaft);
+        words_[of + index] = std::string(of) + "_" + names_.at(shaft);
       }
       for (const char* of : {"phi_", "w_", "e_", "j_", "R_", "Rr_", "G_"}) {
-        words_[of + shaft] = of + shafts_.at(shaft);
+        words_[of + shaft] = of + names_.at(shaft);
       }
     }
     for (const SceneList& list : kSceneLists) {
@@ -121,7 +121,6 @@ class Renaming {
   }
 
   std::string part_;
-  Renamed shafts_;
   Renamed names_;  ///< those in the lists
   Renamed words_;  ///< and what formulas call quantities of them
 };
