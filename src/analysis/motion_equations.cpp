@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "analysis/decompositions.h"
-#include "model/formula_laws.h"
 #include "variator_sim/expression/rates.h"
 #include "variator_sim/interruption.h"
 
@@ -18,40 +17,9 @@ using expression::Node;
 using expression::slotOf;
 using expression::Source;
 
-namespace {
-
-std::vector<HoldFormulas> collectHolds(const Scene& scene) {
-  Graph& graph = *scene.graph;
-  const auto nodeOf = [&](const std::optional<Expression>& it) {
-    return it ? it->in(graph) : Node{};
-  };
-  std::vector<HoldFormulas> holds;
-  for (const TorquePtr& element : scene.torques) {
-    for (const Holding& it : element->holdings()) {
-      holds.push_back({element->nameOf(it), it.slip.in(graph), it.side.in(graph), nodeOf(it.upper),
-                       nodeOf(it.lower), nodeOf(it.level)});
-    }
-  }
-  for (int m = 0; m < scene.constraintCount(); ++m) {
-    const Constraint& element = *scene.constraints[at(m)];
-    for (const Holding& it : element.holdings()) {
-      HoldFormulas hold{element.nameOf(it), it.slip.in(graph), it.side.in(graph)};
-      hold.load = m;
-      for (int k = 0; k < 2; ++k) {
-        hold.slope[k] = it.losses->slope[k].in(graph);
-        hold.base[k] = it.losses->base[k].in(graph);
-      }
-      holds.push_back(hold);
-    }
-  }
-  return holds;
-}
-
-}  // namespace
-
 std::vector<int> modesAt(const Scene& scene, const OperatingPoint& point) {
   std::vector<int> mode = point.mode;
-  const std::vector<HoldFormulas> holds = collectHolds(scene);
+  const std::vector<SceneHold> holds = collectHolds(scene);
   for (std::size_t h = 0; h < mode.size(); ++h) {
     if (holds[h].load < 0 || mode[h] == 0) continue;
     Graph& graph = *scene.graph;
@@ -133,7 +101,7 @@ void MotionEquations::takeModes(const std::vector<int>& mode) {
     const bool slides = mode[h] != 0 && mode[h] != 2;
     sides_.emplace_back(graph_.entry(holds_[h].side).slot, graph_.constant(slides ? mode[h] : 0.0));
     const std::size_t before = constraints_.size();
-    if (mode[h] == 0) addStuck(holds_[h].name, holds_[h].slip);
+    if (mode[h] == 0) addStuck(holds_[h]);
     const bool counts = constraints_.size() > before;
     const auto set = [&](expression::HeldValue value, Node node) {
       const int slot = expression::heldSlot(value, static_cast<int>(h));
@@ -157,9 +125,10 @@ void MotionEquations::takeModes(const std::vector<int>& mode) {
   }
 }
 
-void MotionEquations::addLosses(const HoldFormulas& hold, LossMode mode) {
+void MotionEquations::addLosses(const SceneHold& hold, LossMode mode) {
+  const std::string name = hold.element->nameOf(hold.law);
   if (scene_.principle == Principle::kGauss && scene_.hasOrder3()) {
-    throw SceneError(hold.name,
+    throw SceneError(name,
                      "has losses, which linear models and steady states here do not know beside a "
                      "constraint of order 3 under 'principle: gauss'; allowed: orders 1 and 2");
   }
@@ -173,16 +142,17 @@ void MotionEquations::addLosses(const HoldFormulas& hold, LossMode mode) {
     torques_[at(i)] = graph_.subtract(torques_[at(i)], graph_.multiply(C, base));
     // Where D changes, R' = D^T lambda' + dD/dt^T lambda, and lambda would be a state.
     if (scene_.principle == Principle::kGauss || graph_.isConstant(D)) continue;
-    throw SceneError(hold.name,
+    throw SceneError(name,
                      "has losses whose part of the torque changes, which linear models and steady "
                      "states under 'principle: generalized_gauss' do not know; allowed: a ratio "
                      "and efficiencies that are numbers, or 'principle: gauss'");
   }
 }
 
-void MotionEquations::addStuck(const std::string& name, Node slip) {
+void MotionEquations::addStuck(const SceneHold& hold) {
+  const Node slip = hold.slip;
   ConstraintFormulas stuck;
-  stuck.name = "the stuck element " + inQuotes(name);
+  stuck.name = "the stuck element " + inQuotes(hold.element->nameOf(hold.law));
   stuck.velocity = slip;
   stuck.acceleration = rate(slip);
   stuck.jerk = rate(stuck.acceleration);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "model/formula_laws.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/operating_point.h"
 #include "variator_sim/scene.h"
@@ -59,21 +60,6 @@ struct ConstraintFormulas {
   std::vector<expression::Node> D_rate;  ///< dD/dt, s; under `gauss` of order 3
   bool has_constant_C = false;
   std::string name;  ///< "constraint 'belt'"
-};
-
-/// An element that holds (Holding); absent limits are Node{}. Losses of constraint `load` are one,
-/// too: while they slide to the side s = 1 or -1 their torque is
-///     T = slope[k] lambda + s base[k],  that of the larger s T.
-struct HoldFormulas {
-  std::string name;
-  expression::Node slip;
-  expression::Node side;
-  expression::Node upper = {};
-  expression::Node lower = {};
-  expression::Node level = {};
-  int load = -1;
-  expression::Node slope[2] = {};
-  expression::Node base[2] = {};
 };
 
 /// The mode of losses in these equations: s with k = 0, 3 s with k = 1, or 0.
@@ -131,19 +117,19 @@ class MotionEquations {
     return all;
   }
   const std::vector<ConstraintFormulas>& constraints() const { return constraints_; }
-  const std::vector<HoldFormulas>& holds() const { return holds_; }
+  const std::vector<SceneHold>& holds() const { return holds_; }
   /// Returns the total derivative by time along the motion.
   expression::Node rate(expression::Node node) { return graph_.totalDerivative(node, rates_); }
 
  private:
   void addConstraint(const Constraint& constraint);
   void takeModes(const std::vector<int>& mode);
-  void addStuck(const std::string& name, expression::Node slip);
-  void addLosses(const HoldFormulas& hold, LossMode mode);
+  void addStuck(const SceneHold& hold);
+  void addLosses(const SceneHold& hold, LossMode mode);
 
   const Scene& scene_;
   std::vector<expression::Node> torques_;  ///< in the scene's graph, before it is copied
-  std::vector<HoldFormulas> holds_;        ///< likewise
+  std::vector<SceneHold> holds_;           ///< likewise
   expression::Graph graph_;
   VariableLayout layout_;
   bool with_rates_of_d_;

@@ -369,7 +369,7 @@ class Trim {
     return difference.cwiseAbs().maxCoeff() < 1e-6;
   }
   /// Returns what is not negative where losses are in a mode; `torque`: that they hold with.
-  std::vector<Node> conditionsOfLosses(const HoldFormulas& it, int mode, Node torque) {
+  std::vector<Node> conditionsOfLosses(const SceneHold& it, int mode, Node torque) {
     expression::Graph& graph = equations_.graph();
     const auto lineOf = [&](int side, int line) {  // s T
       const Node lambda = equations_.variable(layout_.multiplier(it.load));
@@ -393,7 +393,7 @@ class Trim {
   std::string leavesModes(const VectorXd& v) {
     expression::Graph& graph = equations_.graph();
     for (std::size_t h = 0; h < mode_.size(); ++h) {
-      const HoldFormulas& it = equations_.holds()[h];
+      const SceneHold& it = equations_.holds()[h];
       const bool is_stuck = mode_[h] == 0;
       Node torque = graph.constant(0.0);  // of a row that others imply
       for (int m = scene_.constraintCount(); m < layout_.k; ++m) {
@@ -404,13 +404,13 @@ class Trim {
       if (it.load >= 0) conditions = conditionsOfLosses(it, mode_[h], torque);
       if (it.load < 0 && mode_[h] == 1) conditions.push_back(it.slip);
       if (it.load < 0 && mode_[h] == -1) conditions.push_back(graph.negate(it.slip));
-      if (is_stuck && it.upper != Node{}) conditions.push_back(graph.subtract(it.upper, torque));
-      if (is_stuck && it.lower != Node{}) conditions.push_back(graph.subtract(torque, it.lower));
-      if (mode_[h] != 2 && it.level != Node{}) conditions.push_back(it.level);
+      if (is_stuck && it.law.upper) conditions.push_back(graph.subtract(it.upper, torque));
+      if (is_stuck && it.law.lower) conditions.push_back(graph.subtract(torque, it.lower));
+      if (mode_[h] != 2 && it.law.level) conditions.push_back(it.level);
       for (const Node condition : conditions) {
         const double left = expression::Tape(graph, {condition}).evaluate(layout_.view(v))[0];
         if (left >= -1e-8 * std::max(1.0, v.cwiseAbs().maxCoeff())) continue;
-        return inQuotes(it.name) + " would not stay " + modeName(told_mode_[h]) +
+        return inQuotes(it.element->nameOf(it.law)) + " would not stay " + modeName(told_mode_[h]) +
                (is_stuck ? ", by " + formatNumber(-left) + " N m" : "") +
                "; the modes are those of the scene's start";
       }

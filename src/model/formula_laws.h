@@ -44,6 +44,54 @@ inline expression::Node residualOf(const Constraint& constraint) {
   return constraint.order() == 3 ? constraint.row().back() : constraint.secondOrder();
 }
 
+/// A way in which an element holds. Losses of constraint `load` are one, too: while they slide to
+/// the side s = 1 or -1 their torque is
+///     T = slope[k] lambda + s base[k],  that of the larger s T.
+struct SceneHold {
+  const Law* element = nullptr;
+  Holding law;
+  expression::Node slip;
+  expression::Node torque;
+  expression::Node side;
+  expression::Node upper, lower, level, gap;  ///< 0 where there is none
+  int load = -1;
+  expression::Node slope[2], base[2];  ///< of losses
+};
+
+/// Returns them in the order of Scene::holdNames.
+inline std::vector<SceneHold> collectHolds(const Scene& scene) {
+  expression::Graph& graph = *scene.graph;
+  const auto nodeOf = [&](const std::optional<Expression>& it) {
+    return it ? it->in(graph) : graph.constant(0.0);
+  };
+  std::vector<SceneHold> holds;
+  const auto add = [&](const Law& element, int load) {
+    for (const Holding& law : element.holdings()) {
+      SceneHold hold;
+      hold.element = &element;
+      hold.law = law;
+      hold.slip = law.slip.in(graph);
+      hold.torque = law.torque.in(graph);
+      hold.side = law.side.in(graph);
+      hold.upper = nodeOf(law.upper);
+      hold.lower = nodeOf(law.lower);
+      hold.level = nodeOf(law.level);
+      hold.gap = nodeOf(law.gap);
+      hold.load = load;
+      for (int k = 0; k < 2 && law.losses; ++k) {
+        hold.slope[k] = law.losses->slope[k].in(graph);
+        hold.base[k] = law.losses->base[k].in(graph);
+      }
+      holds.push_back(hold);
+    }
+  };
+  for (const TorquePtr& torque : scene.torques) add(*torque, -1);
+  for (int m = 0; m < scene.constraintCount(); ++m) {
+    add(*scene.constraints[static_cast<std::size_t>(m)], m);
+  }
+  return holds;
+}
+
 /// first + sum cosine cos(order phi_i) + sine sin(order phi_i): J_i(phi_i) if `first` is the mean.
 inline expression::Node addHarmonics(expression::Graph& graph, const Scene& scene, int i,
                                      expression::Node first) {

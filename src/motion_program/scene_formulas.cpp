@@ -6,7 +6,6 @@
 #include <string>
 #include <utility>
 
-#include "model/formula_laws.h"
 #include "variator_sim/errors.h"
 
 namespace variator_sim {
@@ -123,72 +122,45 @@ void addSlip(const Scene& scene, const SceneHold& hold, SceneFormulas& made) {
 /// Adds the losses of constraint m, whose multiplier the program has in the slot of jerk `slot`.
 /// While they slide to a side s they are an applied torque and a part of D:
 ///     T = s base_k + slope_k lambda,  with k by the side, which is s or 3 s: mode
-void addLosses(const Scene& scene, const Holding& law, int m, int slot, SceneFormulas& made) {
+void addLosses(const Scene& scene, int slot, SceneHold& hold, SceneFormulas& made) {
   Graph& graph = *scene.graph;
-  SceneHold hold;
-  hold.law = law;
-  hold.load = m;
-  const Expression side = law.side;
+  const Expression side = hold.law.side;
   const Expression square = side * side;
   const Expression first = square * (9.0 - square) / 8.0;    // 1 of s
   const Expression second = square * (square - 1.0) / 72.0;  // 1 of 3 s
   const Expression s = side * (13.0 - square) / 12.0;
-  const Losses& it = *law.losses;
+  const Losses& it = *hold.law.losses;
   const Expression base = s * (first * it.base[0] + second * it.base[1]);
   const Expression slope = first * it.slope[0] + second * it.slope[1];
   const Expression lambda(graph, graph.variable(slotOf(Source::kJerk, slot)));
   const Expression torque = base + slope * lambda;
   made.has_directions = true;
-  hold.slip = law.slip.in(graph);
   hold.torque = torque.in(graph);
-  hold.side = side.in(graph);
-  hold.upper = hold.lower = hold.level = hold.gap = graph.constant(0.0);
-  for (int k = 0; k < 2; ++k) {
-    hold.slope[k] = it.slope[k].in(graph);
-    hold.base[k] = it.base[k].in(graph);
-  }
   for (int i = 0; i < scene.shaftCount(); ++i) {
     const Expression C(graph, graph.differentiate(hold.slip, slotOf(Source::kVelocity, i)));
     Node& Q = made.torque[static_cast<std::size_t>(i)];
-    Node& D = made.direction[static_cast<std::size_t>(m) * scene.shafts.size() +
+    Node& D = made.direction[static_cast<std::size_t>(hold.load) * scene.shafts.size() +
                              static_cast<std::size_t>(i)];
     Q = (Expression(graph, Q) - C * base).in(graph);
     D = (Expression(graph, D) - C * slope).in(graph);
   }
-  addSlip(scene, hold, made);
-  made.holds.push_back(std::move(hold));
 }
 
 void addHolds(const Scene& scene, SceneFormulas& made) {
-  Graph& graph = *scene.graph;
   made.hold_names = scene.holdNames();
-  for (const TorquePtr& element : scene.torques) {
-    for (const Holding& law : element->holdings()) {
-      const auto nodeOf = [&](const std::optional<Expression>& it) {
-        return it ? it->in(graph) : graph.constant(0.0);
-      };
-      SceneHold hold;
-      hold.law = law;
-      hold.slip = law.slip.in(graph);
-      hold.torque = law.torque.in(graph);
-      hold.side = law.side.in(graph);
-      hold.upper = nodeOf(law.upper);
-      hold.lower = nodeOf(law.lower);
-      hold.level = nodeOf(law.level);
-      hold.gap = nodeOf(law.gap);
-      const bool is_opaque =
-          graph.hasOpaque({hold.slip, hold.torque, hold.upper, hold.lower, hold.level, hold.gap});
-      noteOpaque(element->name(), is_opaque, made);
-      addSlip(scene, hold, made);
-      made.holds.push_back(std::move(hold));
-    }
-  }
   const int rows = scene.constraintCount() + static_cast<int>(made.hold_names.size());
-  for (int m = 0; m < scene.constraintCount(); ++m) {
-    for (const Holding& law : scene.constraints[static_cast<std::size_t>(m)]->holdings()) {
-      const bool is_classical = scene.principle == Principle::kGauss && !isFormal(scene);
-      addLosses(scene, law, m, is_classical ? m : rows + scene.shaftCount() + m, made);
+  const bool is_classical = scene.principle == Principle::kGauss && !isFormal(scene);
+  for (SceneHold& hold : collectHolds(scene)) {
+    if (hold.load < 0) {
+      const bool is_opaque = scene.graph->hasOpaque(
+          {hold.slip, hold.torque, hold.upper, hold.lower, hold.level, hold.gap});
+      noteOpaque(hold.element->name(), is_opaque, made);
+    } else {
+      const int slot = is_classical ? hold.load : rows + scene.shaftCount() + hold.load;
+      addLosses(scene, slot, hold, made);
     }
+    addSlip(scene, hold, made);
+    made.holds.push_back(std::move(hold));
   }
   if (!made.holds.empty() && !scene.initial.acceleration.empty()) {
     throw SceneError("initial/acceleration",

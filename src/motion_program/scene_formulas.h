@@ -5,22 +5,12 @@
 #include <string>
 #include <vector>
 
+#include "model/formula_laws.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/expression/guards.h"
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
-
-/// A way in which an element holds.
-struct SceneHold {
-  Holding law;
-  expression::Node slip;
-  expression::Node torque;
-  expression::Node side;
-  expression::Node upper, lower, level, gap;  ///< 0 where there is none
-  int load = -1;                              ///< the constraint whose losses they are
-  expression::Node slope[2], base[2];         ///< of losses
-};
 
 /// Nodes by shaft i, constraint m and input n.
 struct SceneFormulas {
