@@ -96,7 +96,6 @@ class Constraint : public Law {
   expression::Node withoutJerks(const std::vector<expression::Node>& C, const std::string& path);
   void noteNonlinear(const Formulas& formulas);
   void check(const Formulas& formulas, const std::string& path) const;
-  /// Throws std::length_error: see countSwitchingFunctions.
   void makePrograms(const Formulas& formulas);
 
   expression::Node second_order_;

@@ -74,8 +74,6 @@ class Law {
   /// Derives what follows from the law as stated. Throws SceneError.
   virtual void derive(const LawContext& law, const ComponentContext& context) = 0;
   void setFormulas(std::vector<expression::Node> formulas) { formulas_ = std::move(formulas); }
-  /// Throws std::length_error where functions with branches stand too often within each other.
-  void countSwitchingFunctions();
   const std::shared_ptr<expression::Graph>& sharedGraph() const { return graph_; }
 
  private:

@@ -1,7 +1,6 @@
 #include "variator_sim/constraint.h"
 
 #include <algorithm>
-#include <stdexcept>
 #include <string>
 
 #include "variator_sim/errors.h"
@@ -129,11 +128,7 @@ void Constraint::compile(Node given, int order, const std::set<int>& inputs,
   second_order_ = formulas.second;
   noteNonlinear(formulas);
   check(formulas, path);
-  try {
-    makePrograms(formulas);
-  } catch (const std::length_error& error) {
-    throw SceneError(path, error.what());
-  }
+  makePrograms(formulas);
 }
 
 Constraint::Formulas Constraint::differentiate(const std::set<int>& inputs,
@@ -212,7 +207,6 @@ void Constraint::makePrograms(const Formulas& formulas) {
     second.insert(second.end(), formulas.C.begin(), formulas.C.end());
     residual_and_jacobian_ = Tape(graph, second);
   }
-  countSwitchingFunctions();
 }
 
 bool Constraint::hasConstantJacobian() const {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <stdexcept>
 #include <utility>
 
 #include "laws/guarded_function.h"
@@ -194,11 +195,12 @@ void Law::configure(ComponentContext& context) {
   build(law);
   holdings_ = law.holdings();
   derive(law, context);
+  try {
+    switching_functions_ = expression::countSwitchingFunctions(*graph_, formulas_);
+  } catch (const std::length_error& error) {  // they stand too often within each other
+    throw SceneError(law.place(), error.what());
+  }
   outputs_ = NamedOutputs(law);
-}
-
-void Law::countSwitchingFunctions() {
-  switching_functions_ = expression::countSwitchingFunctions(*graph_, formulas_);
 }
 
 NamedOutputs::NamedOutputs(const LawContext& law) {

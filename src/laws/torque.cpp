@@ -1,7 +1,6 @@
 #include "variator_sim/torque.h"
 
 #include <algorithm>
-#include <stdexcept>
 
 #include "variator_sim/errors.h"
 
@@ -50,13 +49,8 @@ void Torque::derive(const LawContext& law, const ComponentContext& context) {
     if (!graph.isConstant(rate, 0.0)) rates_.emplace_back(shaft, rate);
   }
   setFormulas(nodesOf(torques_));
-  try {
-    torque_ = Tape(graph, formulas());
-    rate_ = Tape(graph, nodesOf(rates_));
-    countSwitchingFunctions();
-  } catch (const std::length_error& error) {
-    throw SceneError(law.place(), error.what());
-  }
+  torque_ = Tape(graph, formulas());
+  rate_ = Tape(graph, nodesOf(rates_));
 }
 
 std::vector<int> Torque::shafts() const {
