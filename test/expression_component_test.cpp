@@ -227,7 +227,8 @@ TEST(ExpressionConstraint, KnowsItsKinksInTheAccelerations) {
 TEST(ExpressionConstraint, OfOrder3IsLinearInTheJerks) {
   for (const char* linear :
        {"sign(w1)*j2 - abs(e1)*j1 - min(w1, w2)", "-(j1 + 2*(j2 - t))/(1 + w1^2)",
-        "j2^1 - pow(j1, 1)", "j1*exp(w2)/sin(t) - (j2 - e2*j1)*max(0, w1)", "j2 - j1^0"}) {
+        "j2^1 - pow(j1, 1)", "j1*exp(w2)/sin(t) - (j2 - e2*j1)*max(0, w1)", "j2 - j1^0",
+        "j2 - if(w1 < w2, 2*j1, j1 + w1)"}) {
     EXPECT_NO_THROW(constraintOf(linear, "", 3)) << linear;
   }
 }

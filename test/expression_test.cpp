@@ -770,7 +770,7 @@ TEST(ExpressionTape, AllocatesNothingWhileItEvaluates) {
                                : "(x*y)");
   }
   text += "+curve(x*y)+map(x, y)";
-  const Node node = parse(text, formulas.symbols, formulas.graph, {}, {}, someTables());
+  const Node node = parse(text, formulas.symbols, formulas.graph, {}, someTables());
   const Tape tape(formulas.graph, {node, formulas.graph.differentiate(node, kX)});
   double angle[] = {0.3, 0.9};
   double values[2] = {};

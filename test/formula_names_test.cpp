@@ -40,7 +40,7 @@ struct Formulas {
     symbols["y"] = graph.variable(slotOf(Source::kVelocity, 1));
     symbols["j"] = graph.variable(slotOf(Source::kJerk, 0));
   }
-  Node read(const std::string& text) { return parse(text, symbols, graph, {}, {}, tables); }
+  Node read(const std::string& text) { return parse(text, symbols, graph, {}, tables); }
   double evaluate(Node node, double x, double y = 0.0, double t = 0.0) const {
     const double velocity[] = {x, y};
     double value = 0.0;
@@ -124,13 +124,6 @@ TEST(Choice, SaysWhatIsWrong) {
   expectMessage("max(x < y, 2)", "in the first argument of 'if' only");
   expectMessage("clamp(x, 1)", "the function 'clamp' takes 3 arguments, not 2");
   expectMessage("clamp(x, 2, 1)", "the limits of this 'clamp' are 2 and 1");
-}
-
-TEST(Choice, IsLinearWhereItsBranchesAre) {
-  Formulas f;
-  const SymbolTable linear = {{"j", f.symbols["j"]}};
-  EXPECT_NO_THROW(parse("if(x < y, 2*j, j + x)", f.symbols, f.graph, {}, linear));
-  EXPECT_THROW(parse("if(j < y, 2*j, x)", f.symbols, f.graph, {}, linear), ExpressionError);
 }
 
 // ----------------------------------------------------------------------------------------- tables

@@ -34,13 +34,11 @@ constexpr const char* kDelay = "delay";
 class Parser : private FormulaText {
  public:
   Parser(const std::string& text, const SymbolTable& symbols, Graph& graph,
-         const NameExplainer& explain, const SymbolTable& linear, const NamedTables& tables,
-         const DelayMaker& delay)
+         const NameExplainer& explain, const NamedTables& tables, const DelayMaker& delay)
       : FormulaText(text),
         symbols_(symbols),
         graph_(graph),
         explain_(explain),
-        linear_(linear),
         tables_(tables),
         delay_(delay) {}
 
@@ -225,7 +223,6 @@ class Parser : private FormulaText {
     }
     if (isAt(position_, ',')) failChoice(where);
     endParenthesis();
-    if (readsLinear(left) || readsLinear(right)) failNotLinear(where, graph_.subtract(left, right));
     // a < b is the negation of b <= a, and a > b that of a <= b.
     const Node low = is_less == has_equal ? left : right;
     const Node high = is_less == has_equal ? right : left;
@@ -250,7 +247,6 @@ class Parser : private FormulaText {
                       "; allowed: a number > 0, s, as in delay(x, 0.2), or a parameter: only then "
                       "are the instants known at which jumps come again");
     }
-    if (readsLinear(x)) failNotLinear(where, x);
     if (graph_.isConstant(x)) return x;
     const std::size_t end = text_.find_last_of(')', position_ - 1) + 1;
     return delay_(x, seconds, text_.substr(where, end - where));
@@ -278,13 +274,7 @@ class Parser : private FormulaText {
     if (operation == Operation::kDivide && graph_.isConstant(right, 0.0)) {
       fail(where, "division by zero");
     }
-    const Node value = graph_.make(operation, left, right);
-    const bool bends = operation == Operation::kMultiply ? readsLinear(left) && readsLinear(right)
-                       : operation == Operation::kDivide
-                           ? readsLinear(right)
-                           : operation == Operation::kPower && value != left;
-    if (bends && readsLinear(value)) failNotLinear(where, value);
-    return checked(value, where);
+    return checked(graph_.make(operation, left, right), where);
   }
 
   Node applyFunction(const Function& function, const std::vector<Node>& arguments,
@@ -301,31 +291,12 @@ class Parser : private FormulaText {
         is_clamp ? graph_.minimum(graph_.maximum(arguments[0], arguments[1]), arguments[2])
                  : graph_.make(function.operation, arguments[0],
                                arguments.size() > 1 ? arguments[1] : Node{});
-    if (value != arguments[0] && readsLinear(value)) failNotLinear(where, value);
     return checked(value, where);
   }
 
   Node applyTable(const std::shared_ptr<const Table>& table, const std::vector<Node>& arguments,
                   std::size_t where) {
-    const Node value = graph_.table(table, arguments.front(), arguments.back());
-    if (readsLinear(value)) failNotLinear(where, value);
-    return checked(value, where);
-  }
-
-  /// Returns true if one of `linear_` occurs in `node`.
-  bool readsLinear(Node node) {
-    if (linear_.empty()) return false;
-    // Operands precede their users.
-    for (int i = static_cast<int>(reads_linear_.size()); i <= node.index; ++i) {
-      const Graph::Entry& entry = graph_.entry({i});
-      bool reads = std::any_of(linear_.begin(), linear_.end(),
-                               [i](const auto& symbol) { return symbol.second == Node{i}; });
-      for (int k = 0; k < operandCount(entry.operation); ++k) {
-        reads = reads || reads_linear_[static_cast<std::size_t>(entry.operands[k])];
-      }
-      reads_linear_.push_back(reads);
-    }
-    return reads_linear_[static_cast<std::size_t>(node.index)];
+    return checked(graph_.table(table, arguments.front(), arguments.back()), where);
   }
 
   Node checked(Node value, std::size_t where) const {
@@ -426,35 +397,21 @@ class Parser : private FormulaText {
                     "; functions are " + joinNames(callableNames()));
   }
 
-  [[noreturn]] void failNotLinear(std::size_t where, Node value) const {
-    std::string names;
-    for (const auto& [name, variable] : linear_) {
-      if (used_.count(name) == 0) continue;  // unused name of a variable with two names
-      if (!graph_.dependsOn(value, graph_.entry(variable).slot)) continue;
-      names += (names.empty() ? "" : ", ") + name;
-    }
-    fail(where, "the formula is not linear in " + names +
-                    " here (a constraint of order 3 is C(t, phi, w, e) j + c0 = 0)");
-  }
-
   const SymbolTable& symbols_;
   Graph& graph_;
   const NameExplainer& explain_;
-  const SymbolTable& linear_;
   const NamedTables& tables_;
   const DelayMaker& delay_;
   std::set<std::string> used_;  ///< symbols
-
   int nesting_ = 0;
-  std::vector<bool> reads_linear_;  ///< per node of the graph, as far as computed
 };
 
 }  // namespace
 
 Node parse(const std::string& text, const SymbolTable& symbols, Graph& graph,
-           const NameExplainer& explain, const SymbolTable& linear, const NamedTables& tables,
-           std::set<std::string>* used, const DelayMaker& delay) {
-  Parser parser(text, symbols, graph, explain, linear, tables, delay);
+           const NameExplainer& explain, const NamedTables& tables, std::set<std::string>* used,
+           const DelayMaker& delay) {
+  Parser parser(text, symbols, graph, explain, tables, delay);
   const Node formula = parser.formula();
   if (used != nullptr) *used = parser.used();
   return formula;

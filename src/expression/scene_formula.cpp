@@ -96,37 +96,29 @@ void checkParameterName(const std::string& name, const std::string& path,
   if (!taken.empty()) throw SceneError(path, shown + " is " + taken + "; choose another");
 }
 
-/// The variables of a formula by their names.
-struct Variables {
-  SymbolTable symbols;
-  SymbolTable jerks;  ///< symbols in which the formula has to be linear
-};
-
-Variables nameVariables(const ComponentContext& context, FormulaKind kind, Graph& graph) {
-  Variables named;
-  named.symbols["t"] = graph.variable(slotOf(Source::kTime));
+/// Returns the variables of a formula by their names.
+SymbolTable nameVariables(const ComponentContext& context, FormulaKind kind, Graph& graph) {
+  SymbolTable named;
+  named["t"] = graph.variable(slotOf(Source::kTime));
   for (int i = 0; i < context.shaftCount(); ++i) {
     const std::string shaft = context.shaftNames()[static_cast<std::size_t>(i)];
     for (const std::string& of : {std::to_string(i + 1), "_" + shaft}) {
-      named.symbols["phi" + of] = graph.variable(slotOf(Source::kAngle, i));
-      named.symbols["w" + of] = graph.variable(slotOf(Source::kVelocity, i));
+      named["phi" + of] = graph.variable(slotOf(Source::kAngle, i));
+      named["w" + of] = graph.variable(slotOf(Source::kVelocity, i));
       if (kind == FormulaKind::kOrder2 || kind == FormulaKind::kOrder3 ||
           kind == FormulaKind::kOutput) {
-        named.symbols["e" + of] = graph.variable(slotOf(Source::kAcceleration, i));
+        named["e" + of] = graph.variable(slotOf(Source::kAcceleration, i));
       }
-      if (kind == FormulaKind::kOrder3) {
-        const Node jerk = graph.variable(slotOf(Source::kJerk, i));
-        named.symbols["j" + of] = named.jerks["j" + of] = jerk;
-      }
+      if (kind == FormulaKind::kOrder3) named["j" + of] = graph.variable(slotOf(Source::kJerk, i));
     }
   }
   for (const auto& [input, index] : context.symbols().inputs) {
-    named.symbols[input] = graph.variable(slotOf(Source::kInput, index));
+    named[input] = graph.variable(slotOf(Source::kInput, index));
   }
   for (const auto& [input, table] : context.symbols().played) {
-    named.symbols[input] = graph.table(table, graph.variable(slotOf(Source::kTime)));
+    named[input] = graph.table(table, graph.variable(slotOf(Source::kTime)));
   }
-  for (const auto& [name, value] : context.symbols().values) named.symbols[name] = value;
+  for (const auto& [name, value] : context.symbols().values) named[name] = value;
   return named;
 }
 
@@ -153,16 +145,16 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
                         Graph& graph) {
   const std::string text = reader.formula(key, kind == FormulaKind::kTorque ? "N m" : "");
 
-  Variables variables = nameVariables(context, kind, graph);
+  SymbolTable symbols = nameVariables(context, kind, graph);
   for (const auto& [name, make] : context.symbols().observed) {
     // (One that does not occur is there for messages.)
-    const bool is_free = variables.symbols.count(name) + parameters.count(name) == 0;
+    const bool is_free = symbols.count(name) + parameters.count(name) == 0;
     if (kind == FormulaKind::kOutput && is_free)
-      variables.symbols[name] = text.find(name) != std::string::npos ? make() : Node{};
+      symbols[name] = text.find(name) != std::string::npos ? make() : Node{};
   }
   for (const auto& [parameter, value] : parameters) {
     checkParameterName(parameter, reader.keyPath("parameters") + "/" + parameter, context);
-    variables.symbols[parameter] = graph.constant(value);
+    symbols[parameter] = graph.constant(value);
   }
   std::set<std::string> used;
   Node formula;
@@ -179,12 +171,11 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
       }
       return explainName(unknown, context.shaftNames(), kind);
     };
-    formula =
-        parse(text, variables.symbols, graph, explain, variables.jerks, context.symbols().tables,
-              &used, [&](Node x, double seconds, const std::string& written) {
-                const int input = context.addDelay(x, seconds, written, reader.keyPath(key));
-                return graph.variable(slotOf(Source::kInput, input));
-              });
+    formula = parse(text, symbols, graph, explain, context.symbols().tables, &used,
+                    [&](Node x, double seconds, const std::string& written) {
+                      const int input = context.addDelay(x, seconds, written, reader.keyPath(key));
+                      return graph.variable(slotOf(Source::kInput, input));
+                    });
   } catch (const ExpressionError& error) {
     throw SceneError(reader.keyPath(key), error.what());
   }

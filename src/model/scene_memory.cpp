@@ -305,13 +305,15 @@ void readMemory(ParameterReader& root, const SceneNames& names, Scene* scene) {
 void checkDelays(const Scene& scene) {
   for (const CommandInputSettings& input : scene.inputs) {
     if (input.kind != InputKind::kDelayed) continue;
+    bool is_known = !expression::reads(*scene.graph, {input.delayed}, Source::kJerk);
     for (const SceneState& state : scene.states) {
-      const int rate = expression::slotOf(expression::Source::kInputRate, state.input);
-      if (!scene.graph->dependsOn(input.delayed, rate)) continue;
-      throw SceneError(input.owner, inQuotes(input.name) +
-                                        " delays a jerk, a rate of reaction or a multiplier; "
-                                        "allowed: formulas without these");
+      const int rate = slotOf(Source::kInputRate, state.input);
+      is_known = is_known && !scene.graph->dependsOn(input.delayed, rate);
     }
+    if (is_known) continue;
+    throw SceneError(input.owner, inQuotes(input.name) +
+                                      " delays a jerk, a rate of reaction or a multiplier; "
+                                      "allowed: formulas without these");
   }
 }
 

@@ -43,14 +43,12 @@ using DelayMaker = std::function<Node(Node x, double seconds, const std::string&
 /// `tables`, which are called as functions are. if(a < b, x, y) is x if a < b, y if not, and NaN if
 /// a and b cannot be compared; <, <=, > and >= are allowed nowhere else. Numbers are 1, 1., .5,
 /// 1e-9 (2e1 is twenty: a product needs its *). White space has no meaning. A constant part without
-/// a finite value (log(-1)) and a division by a constant zero are errors. So is a function of one
-/// of the variables `linear`, a product of two, a power, a division by one: the formula must be
-/// linear in them as written. delay(x, T) is what `delay` makes of it; T is a positive constant.
-/// `used`, if not null, receives the symbols that occur.
+/// a finite value (log(-1)) and a division by a constant zero are errors. delay(x, T) is what
+/// `delay` makes of it; T is a positive constant. `used`, if not null, receives the symbols that
+/// occur.
 Node parse(const std::string& text, const SymbolTable& symbols, Graph& graph,
-           const NameExplainer& explain = {}, const SymbolTable& linear = {},
-           const NamedTables& tables = {}, std::set<std::string>* used = nullptr,
-           const DelayMaker& delay = {});
+           const NameExplainer& explain = {}, const NamedTables& tables = {},
+           std::set<std::string>* used = nullptr, const DelayMaker& delay = {});
 
 /// The names of all functions, sorted.
 std::vector<std::string> functionNames();
