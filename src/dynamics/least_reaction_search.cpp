@@ -55,6 +55,47 @@ void findZeros(const Quintic& whole, double low, double high, bool rises, Found 
 
 }  // namespace
 
+LeastReactionSearch::Verdict LeastReactionSearch::findLeastReaction(const StateView& state,
+                                                                    double* epsilon) {
+  constraints_.enter(state);
+  const double* const f = free().data();
+  std::copy_n(f, S, epsilon);
+  if (!free().allFinite()) return Verdict::kNone;
+  double multipliers[kMaxShafts] = {};
+  bool is_found = solver_.solve(state, 0, epsilon, multipliers);
+  if (!is_found) {
+    // Far from psi = 0 Newton's iteration may lead away; damped steps to the solution of the
+    // linearised constraints come near first.
+    std::copy_n(f, S, epsilon);
+    approach(state, epsilon);
+    std::fill_n(multipliers, S, 0.0);
+    is_found = solver_.solve(state, 0, epsilon, multipliers);
+  }
+  const Verdict verdict = find(state, is_found ? epsilon : nullptr);
+  std::copy_n(candidate_count_ > 0 ? candidates_[0].epsilon : f, S, epsilon);
+  return verdict;
+}
+
+bool LeastReactionSearch::retract(const StateView& state, double* epsilon) {
+  constraints_.enter(state);
+  StateView moving = state;
+  moving.acceleration = epsilon;
+  return solver_.retract(moving, epsilon);
+}
+
+void LeastReactionSearch::approach(const StateView& given, double* epsilon) {
+  StateView state = given;
+  state.acceleration = epsilon;
+  for (int iteration = 0; iteration < 100; ++iteration) {
+    double delta[kMaxShafts];
+    if (!constraints_.calcLinearizedReaction(state, delta)) return;
+    for (int i = 0; i < S; ++i) {
+      if (!std::isfinite(delta[i])) return;
+      epsilon[i] += 0.5 * (free()(i) + delta[i] - epsilon[i]);
+    }
+  }
+}
+
 LeastReactionSearch::Verdict LeastReactionSearch::find(const StateView& state,
                                                        const double* first) {
   constexpr int kMostRounds = 14;

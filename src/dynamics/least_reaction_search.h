@@ -19,8 +19,9 @@
 
 namespace variator_sim {
 
-/// Not for the running loop, but free of allocation all the same: a command at the first instant
-/// calls it anew.
+/// The accelerations that a motion begins with, where psi is not linear in them and several may be
+/// consistent. Allocates nothing, although it does not run in the loop: a command at the first
+/// instant calls it again.
 class LeastReactionSearch {
  public:
   /// Accelerations with psi = 0 and the reaction 1/2 R^T J^-1 R there.
@@ -36,16 +37,32 @@ class LeastReactionSearch {
     kNone
   };
 
-  LeastReactionSearch(AccelerationConstraints& constraints, LeastReactionSolver& solver)
-      : S(constraints.shafts()), constraints_(constraints), solver_(solver) {}
+  /// `scene` has to outlive it.
+  explicit LeastReactionSearch(const Scene& scene)
+      : S(scene.shaftCount()), constraints_(scene), solver_(constraints_) {}
+
+  /// Finds the accelerations of least reaction: the classical Gauss principle, minimise 1/2 R^T
+  /// J^-1 R under psi = 0, at a state whose own are not read. `epsilon` gets the best candidate, or
+  /// the free accelerations where there is none.
+  Verdict findLeastReaction(const StateView& state, double* epsilon);
+  /// Moves given accelerations onto psi = 0 near by. False where that fails.
+  bool retract(const StateView& state, double* epsilon);
+  /// Finds the point of stationary reaction at `state` by iterating from `epsilon` and the
+  /// multipliers (kMaxShafts places) of a point near by. False where that fails.
+  bool follow(const StateView& state, double* epsilon, double* multipliers) {
+    constraints_.enter(state);
+    return solver_.solve(state, 0, epsilon, multipliers);
+  }
+  /// Writes the multipliers of the reaction at `state`, one per constraint: others may lead the
+  /// iteration to another branch. False if C has lost rank.
+  bool calcMultipliers(const StateView& state, double* lambda) {
+    constraints_.enter(state);
+    return constraints_.calcMultipliers(state, lambda);
+  }
 
   /// The best ones, the least reaction first.
   int candidateCount() const { return candidate_count_; }
   const Candidate& candidate(int n) const { return candidates_[n]; }
-
-  /// Looks for candidates at a state that the constraints were entered at; `first`: accelerations
-  /// that satisfy psi = 0, or nullptr.
-  Verdict find(const StateView& state, const double* first);
 
  private:
   static constexpr int kMostStarts = 48;
@@ -75,6 +92,11 @@ class LeastReactionSearch {
   int rowCount() const { return constraints_.rowCount(); }
   const Constraint& row(int m) const { return constraints_.row(m); }
   const Vector& free() const { return constraints_.free(); }
+  /// Looks for candidates at a state that the constraints were entered at; `first`: accelerations
+  /// that satisfy psi = 0, or nullptr.
+  Verdict find(const StateView& state, const double* first);
+  /// Up to 100 half steps towards the least reaction of the linearised constraints, from `epsilon`.
+  void approach(const StateView& given, double* epsilon);
   /// Finds E, F and T.
   void setUp();
   /// The rows of C at a place where all are finite, without the parts in x, made of length 1 by
@@ -129,8 +151,8 @@ class LeastReactionSearch {
   Verdict conclude(bool is_certain) const;
 
   const int S;  // shafts
-  AccelerationConstraints& constraints_;
-  LeastReactionSolver& solver_;
+  AccelerationConstraints constraints_;
+  LeastReactionSolver solver_;
   StateView state_{};
   int n_ = 0;     // accelerations that psi is not linear in
   int soft_ = 0;  // rows that the others can make zero

@@ -40,7 +40,7 @@ Beginning::Beginning(Motion& motion)
       scene_(motion.scene),
       program_(motion.program),
       S(scene_.shaftCount()),
-      search_(searchesAccelerations(scene_) ? std::make_unique<FirstAccelerations>(scene_)
+      search_(searchesAccelerations(scene_) ? std::make_unique<LeastReactionSearch>(scene_)
                                             : nullptr) {}
 
 bool Beginning::agree(const double* given, const double* found, int count) {
@@ -127,7 +127,7 @@ scene_status Beginning::judgeAccelerations(const Exchange& left) {
 }
 
 scene_status Beginning::beginWithFound(Begin how, bool are_given, Exchange* left) {
-  using Verdict = FirstAccelerations::Verdict;
+  using Verdict = LeastReactionSearch::Verdict;
   const bool is_classical = program_.text().IS_CLASSICAL != 0;
   const double* const given = misfit_.given + 2 * S;
   double* const epsilon = program_.it.state + 2 * S;
@@ -203,7 +203,7 @@ void Beginning::throwFault(scene_status status) {
     Sample unused;
     motion_.observation.look(0.0, &unused);  // what the laws read beside the state
     throwInitialError(scene_, misfit_, motion_.observation.view(misfit_.given, motion_.time),
-                      search_ != nullptr ? &search_->search() : nullptr);
+                      search_.get());
   }
   const StopReason reason = reasonOf(status);
   const std::string why = explainReason(reason);

@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "dynamics/first_accelerations.h"
+#include "dynamics/least_reaction_search.h"
 #include "motion/stepped_program.h"
 #include "motion/stop_message.h"
 
@@ -24,7 +24,7 @@ class Beginning {
   /// state as it is; the motion's status tells why of SCENE_SINGULAR and SCENE_NOT_FINITE.
   scene_status findNear(Begin how, bool are_given, bool may_move);
   /// Finds first accelerations where psi is not linear in them; else null.
-  FirstAccelerations* search() const { return search_.get(); }
+  LeastReactionSearch* search() const { return search_.get(); }
 
   /// Explain why the last beginning was none, as a sentence about a state of elsewhere and as the
   /// error of a scene.
@@ -54,7 +54,7 @@ class Beginning {
   const Scene& scene_;
   SteppedProgram& program_;
   const int S;  // shafts
-  const std::unique_ptr<FirstAccelerations> search_;
+  const std::unique_ptr<LeastReactionSearch> search_;
   Misfit misfit_;  ///< of the last beginning
 };
 
