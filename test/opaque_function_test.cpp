@@ -5,8 +5,8 @@
 
 #include <stdexcept>
 
-#include "support/faults.h"
 #include "expression/opaque_slope.h"
+#include "support/faults.h"
 #include "support/scenes.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/linear_model.h"

@@ -30,16 +30,11 @@ namespace {
 // Every operation must round separately, as the interpreter's do. (GCC 12 nevertheless fuses
 // products and sums in vectors of straight-line code.) And every function must be the library's: a
 // compiler evaluates known functions of constant arguments itself, with another last bit.
-const char* const kOptions[] = {"-std=c11",
-                                "-O2",
-                                "-march=native",
-                                "-ffp-contract=off",
-                                "-fno-math-errno",
-                                "-fno-tree-slp-vectorize",
-                                "-funroll-loops",
-                                "-fno-builtin",
-                                "-fPIC",
-                                "-fno-semantic-interposition",
+const char* const kOptions[] = {"-std=c11",        "-O2",
+                                "-march=native",   "-ffp-contract=off",
+                                "-fno-math-errno", "-fno-tree-slp-vectorize",
+                                "-funroll-loops",  "-fno-builtin",
+                                "-fPIC",           "-fno-semantic-interposition",
                                 "-fno-plt"};
 // The text assigns its parts to `UNITS` units, which are compiled in parallel.
 constexpr unsigned kMostUnits = 4;

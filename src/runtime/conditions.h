@@ -47,21 +47,36 @@ VS_FUNCTION_RARE double vs_size_along(const scene_series* it, int p, int n) {
   return size;
 }
 
+/* The size of coefficient n of all torques, each by itself. */
+VS_FUNCTION_RARE double vs_size_of_all(const scene_series* it, int n) {
+  double size = 0.0;
+  int e, i, p;
+  for (i = 0; i < S; ++i)
+    size +=
+        fabs(it->row[torque_row[i]][n]) + vs_inertia(it, i, i) * fabs(it->row[ACCELERATION + i][n]);
+  for (p = 0; p < K; ++p) {
+    double torque = fabs(it->row[TRANSMITTED + p][n]);
+    if (p >= CONSTRAINTS) torque += fabs(it->row[slide_row[p - CONSTRAINTS]][n]);
+    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e)
+      size += fabs(vs_direction(it, p, entry_shaft[e])) * torque;
+  }
+  return size;
+}
+
 /* The size of coefficient n of the torque of element h that is noise: a part of the torques on the
  * shafts that it acts on, or whose load it loses a part of, and of its limits; and rounding of all
  * others, which the rows couple. */
 VS_FUNCTION_RARE double vs_torque_noise(const scene_series* it, int h, int n) {
   const double rounding = (1.0 + it->slack) * 2e-14;
-  double size = fabs(it->row[upper_row[h]][n]) + fabs(it->row[lower_row[h]][n]) +
-                vs_size_along(it, CONSTRAINTS + h, n);
-  double all = 0.0, C = 0.0;
-  int i;
+  const int p = CONSTRAINTS + h;
+  double size =
+      fabs(it->row[upper_row[h]][n]) + fabs(it->row[lower_row[h]][n]) + vs_size_along(it, p, n);
+  double C = 0.0;
+  int e;
   if (load_of[h] >= 0) size += vs_size_along(it, load_of[h], n);
-  for (i = 0; i < S; ++i) {
-    all += vs_torque_size(it, i, n);
-    C = seriesLarger(C, fabs(vs_entry(it, CONSTRAINTS + h, i)));
-  }
-  return vs_noise(it) * size + (C > 0.0 ? rounding * all / C : 0.0);
+  for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e)
+    C = seriesLarger(C, fabs(vs_entry(it, p, entry_shaft[e])));
+  return vs_noise(it) * size + (C > 0.0 ? rounding * vs_size_of_all(it, n) / C : 0.0);
 }
 
 /* The size of coefficient n of a slip that is rounding: what a torque that is rounding makes of it,

@@ -66,12 +66,10 @@ VS_FUNCTION_RARE int vs_find_impulses(scene_series* it, const int* part, const R
   int among[VS_MOST_AMONG], h, n = 0, round, wrong;
   unsigned set;
   for (h = 0; h < HOLDS; ++h) {
-    if (part[h] == VS_TAKES_NO_PART) it->counts[h] = 0;
-    if (part[h] != VS_TAKES_NO_PART && n++ < VS_MOST_AMONG) among[n - 1] = h;
+    const int takes_part = part[h] != VS_TAKES_NO_PART;
+    it->counts[h] = takes_part && fabs(after[h] - slip[h]) > vs_slip_noise(it, h, 0);
+    if (takes_part && n++ < VS_MOST_AMONG) among[n - 1] = h;
   }
-  for (h = 0; h < HOLDS; ++h)
-    it->counts[h] =
-        part[h] != VS_TAKES_NO_PART && fabs(after[h] - slip[h]) > vs_slip_noise(it, h, 0);
   for (round = 0; round < 3 * HOLDS + 3; ++round) {
     if (!vs_solve_impact(it, part, slip, after, x, &wrong)) break;
     if (wrong < 0) return 1;
