@@ -73,7 +73,7 @@ bool AccelerationConstraints::factor(const StateView& state) {
   Vector gradient(S);
   for (int m = 0; m < rowCount(); ++m) {
     psi_(m) = row(m).calcResidualAndJacobian(state, gradient.data());
-    rows_.C().row(m) = gradient;
+    rows_.jacobian().row(m) = gradient;
   }
   return rows_.factor(mobility());
 }
@@ -86,7 +86,7 @@ bool AccelerationConstraints::calcCorrection(const StateView& state, double* del
 
 bool AccelerationConstraints::calcLinearizedReaction(const StateView& state, double* delta) {
   if (!factor(state)) return false;
-  for (int i = 0; i < S; ++i) psi_ += rows_.C().col(i) * (free_(i) - state.acceleration[i]);
+  for (int i = 0; i < S; ++i) psi_ += rows_.jacobian().col(i) * (free_(i) - state.acceleration[i]);
   Vector::Map(delta, S) = rows_.toAccelerations() * rows_.solve(-psi_);
   return true;
 }
@@ -94,7 +94,7 @@ bool AccelerationConstraints::calcLinearizedReaction(const StateView& state, dou
 bool AccelerationConstraints::calcMultipliers(const StateView& state, double* lambda) {
   if (!factor(state)) return false;
   ConstraintRows::Vector::Map(lambda, rowCount()) =
-      rows_.solve(rows_.C() * (Vector::Map(state.acceleration, S) - free_));
+      rows_.solve(rows_.jacobian() * (Vector::Map(state.acceleration, S) - free_));
   return true;
 }
 

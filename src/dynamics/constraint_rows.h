@@ -19,7 +19,7 @@ class ConstraintRows {
       : C_(rows, shafts), L_(rows, rows), D_(rows), A_diagonal_(rows) {}
 
   /// C, to be written before `factor`.
-  auto& C() { return C_; }
+  auto& jacobian() { return C_; }
 
   /// Forms and factors A; `mobility` is J^-1. Returns false when C has not full rank (or is not
   /// finite).

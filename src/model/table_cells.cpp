@@ -96,7 +96,8 @@ void addPatch(const Stencil& along_x, const Stencil& along_y, const Numbers& z, 
     for (std::size_t l = 0; l < 4; ++l) {
       const int column = along_y.first + static_cast<int>(l);
       if (column < 0 || column >= columns) continue;
-      const double datum = z[static_cast<std::size_t>(row * columns + column)];
+      const int place = row * columns + column;
+      const double datum = z[static_cast<std::size_t>(place)];
       for (std::size_t n = 0; n < kCoefficients; ++n) of_row[n] += along_y.weight[l][n] * datum;
     }
     for (std::size_t m = 0; m < kCoefficients; ++m) {

@@ -122,7 +122,7 @@ bool StopSearch::findLostRow(const StateView& state, int highest_order) {
     double row[kMaxShafts];
     double c0;
     scene_.constraints[static_cast<std::size_t>(which[n])]->calcRow(state, row, &c0);
-    rows.C().row(n) = DenseVector::Map(row, S);
+    rows.jacobian().row(n) = DenseVector::Map(row, S);
   }
   const DenseMatrix J = motion_.quantities.calcInertia(state);
   SquareMatrix mobility(S, S);

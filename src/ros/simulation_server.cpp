@@ -60,6 +60,7 @@ ClockRole roleFor(const NodeSettings& settings) {
 
 std::vector<std::vector<std::string>> listQuantities(const Simulation& simulation) {
   std::vector<std::vector<std::string>> names;
+  names.reserve(kQuantityGroups.size());
   for (const QuantityGroup group : kQuantityGroups) {
     names.push_back(simulation.quantityNames(group));
   }
