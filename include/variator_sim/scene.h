@@ -118,7 +118,7 @@ struct Scene {
   SolverSettings solver;
   /// The scene as read, without node parameters: `~scene` publishes it as resolved parameters.
   ParameterTree resolved;
-  /// What a scene with parts was read from; nothing for others.
+  /// The tree from which a scene with parts was read; nothing for others.
   ParameterTree with_parts;
   /// End of messages about a failed start or a stop: numbers so large or small that they may be to
   /// blame; "" if there are none.

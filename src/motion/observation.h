@@ -16,7 +16,7 @@ class Observation {
       : scene_(scene), program_(program), inputs_(inputs) {}
 
   /// Writes the sample `at` s behind the start of the last step, and its jerks unless that is null.
-  /// What formulas read beside the shafts is known from there on.
+  /// Later views have the values that formulas read beside the shafts from it.
   scene_status look(double at, Sample* sample, double* jerk = nullptr);
   /// Returns the kinetic energy of the last look, J.
   double kinetic() const { return kinetic_; }

@@ -57,7 +57,7 @@ class CodeOfRows {
   std::atomic<std::size_t> ready_{0};
 };
 
-/// What the threads of a sweep share: one that a plugin blocks may outlive it.
+/// The state that the threads of a sweep share: a thread that a plugin blocks may outlive it.
 struct Sweep {
   const ParameterTree tree;              ///< with the overrides of all rows
   const std::vector<std::string> paths;  ///< keys whose values differ

@@ -25,14 +25,27 @@ VS_FUNCTION_RARE double vs_noise(const scene_series* it) {
   return (1.0 + it->slack) * seriesLarger(1e-3 * RELATIVE_TOLERANCE, 2e-13);
 }
 
+/* The size of what a shaft has by itself: its applied torque and its inertial one, order n. */
+VS_FUNCTION_INLINE double vs_own_size(const scene_series* it, int i, int n) {
+  return fabs(it->row[torque_row[i]][n]) +
+         vs_inertia(it, i, i) * fabs(it->row[ACCELERATION + i][n]);
+}
+
+/* The size of what row p transmits, and of what an element would while it slides. */
+VS_FUNCTION_INLINE double vs_row_size(const scene_series* it, int p, int n) {
+  double size = fabs(it->row[TRANSMITTED + p][n]);
+  if (p >= CONSTRAINTS) size += fabs(it->row[slide_row[p - CONSTRAINTS]][n]);
+  return size;
+}
+
 /* The size of the torques on a shaft, order n, each by itself. */
 VS_FUNCTION_RARE double vs_torque_size(const scene_series* it, int i, int n) {
-  double size =
-      fabs(it->row[torque_row[i]][n]) + vs_inertia(it, i, i) * fabs(it->row[ACCELERATION + i][n]);
-  int h, p;
-  for (p = 0; p < K; ++p) size += fabs(vs_direction(it, p, i) * it->row[TRANSMITTED + p][n]);
-  for (h = 0; h < HOLDS; ++h)
-    size += fabs(vs_direction(it, CONSTRAINTS + h, i) * it->row[slide_row[h]][n]);
+  double size = vs_own_size(it, i, n);
+  int p;
+  for (p = 0; p < K; ++p) {
+    const double D = fabs(vs_direction(it, p, i));
+    if (D != 0.0) size += D * vs_row_size(it, p, n);
+  }
   return size;
 }
 
@@ -51,12 +64,9 @@ VS_FUNCTION_RARE double vs_size_along(const scene_series* it, int p, int n) {
 VS_FUNCTION_RARE double vs_size_of_all(const scene_series* it, int n) {
   double size = 0.0;
   int e, i, p;
-  for (i = 0; i < S; ++i)
-    size +=
-        fabs(it->row[torque_row[i]][n]) + vs_inertia(it, i, i) * fabs(it->row[ACCELERATION + i][n]);
+  for (i = 0; i < S; ++i) size += vs_own_size(it, i, n);
   for (p = 0; p < K; ++p) {
-    double torque = fabs(it->row[TRANSMITTED + p][n]);
-    if (p >= CONSTRAINTS) torque += fabs(it->row[slide_row[p - CONSTRAINTS]][n]);
+    const double torque = vs_row_size(it, p, n);
     for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e)
       size += fabs(vs_direction(it, p, entry_shaft[e])) * torque;
   }

@@ -46,7 +46,7 @@ class Columns {
 
   /// E.g. "drive/velocity", "outputs/ratio", "energy/kinetic".
   const std::vector<std::string>& names() const { return names_; }
-  /// Of each the place among a sample's numbers, or kSampleNumbers + that of the quantity.
+  /// Each column's place among a sample's numbers, or kSampleNumbers + that of the quantity.
   const std::vector<std::size_t>& places() const { return places_; }
   /// Appends the values of the samples to `rows`.
   void append(const SampleBlock& block, std::vector<double>* rows) const;
