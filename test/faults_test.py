@@ -153,10 +153,14 @@ class FaultsTest(TestCase):
         self.assertEqual(list((folder / 'cache').iterdir()), [])
 
     def test_a_scene_that_takes_long_to_read_holds_nothing_back(self):
-        terms = '*'.join(f'(w1+{i}e-9)' for i in range(24000))
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        table = os.path.join(folder.name, 'table.csv')
+        os.mkfifo(table)  # a reader of a pipe waits for a writer, and there is none
         rosparam.upload_params('/slow', {
-            'shafts': ['a'], 'a': {'inertia': 1}, 'torques': ['it'],
-            'it': {'type': 'variator_sim/ExpressionTorque', 'shaft': 'a', 'torque': terms}})
+            'shafts': ['a'], 'a': {'inertia': 1}, 'tables': ['curve'], 'torques': ['it'],
+            'curve': {'file': table, 'x': 'x', 'values': 'y'},
+            'it': {'type': 'variator_sim/ExpressionTorque', 'shaft': 'a', 'torque': 'curve(w1)'}})
         node = self.spawn(PROGRAM, '__name:=slow')
         listener = Listener('/slow/status', SimulationStatus)
         self.addCleanup(listener.close)
