@@ -228,9 +228,8 @@ def make_section(heads, scenes):
             parts.append(f"**{title}**\n\n" + summary_table(chosen))
     parts.append("\n".join(f"![{caption}](pictures/benchmarks/{file})\n"
                            for file, caption in plot_families.pictures_of(scenes)))
-    parts.append("**Error at the end / tolerance** of this package, the largest over the scenes; machine code "
-                 "where it was measured. `monotone`: scenes in which every smaller tolerance gave a smaller "
-                 "error, down to 1e-12.\n\n" + delivered_table(scenes))
+    parts.append("**Error at the end / tolerance** of this package, the largest over the scenes. `monotone`: "
+                 "scenes in which every smaller tolerance gave a smaller error, down to 1e-12.\n\n" + delivered_table(scenes))
     return "\n".join(parts)
 
 
