@@ -18,7 +18,7 @@ struct MotionList {
 // clang-format off
 // The names are those of the texts: numbers of things and flags,
 #define VARIATOR_SIM_MOTION_SIZES(F)                                                          \
-  F(S) F(K) F(CONSTRAINTS) F(HOLDS) F(TRANSMITS) F(WATCHED) F(INPUTS) F(SIZE) F(IS_CLASSICAL) \
+  F(S) F(K) F(BLOCKS) F(GROUPS) F(CONSTRAINTS) F(HOLDS) F(TRANSMITS) F(WATCHED) F(INPUTS) F(SIZE) F(IS_CLASSICAL) \
   F(IS_FORMAL) F(IS_GAUSS) F(HAS_CONNECTION) F(TOLD_MULTIPLIER)                          \
   F(IS_CURVED) F(IS_COUPLED) F(INERTIA_VARIES) F(IS_GENERAL) F(ENTRIES_TURN)                   \
   F(HAS_ORDER_1) F(HAS_RESIDUAL) F(HAS_GIVEN_ACCELERATIONS)                                   \
@@ -36,9 +36,12 @@ struct MotionList {
   F(RELATIVE_TOLERANCE) F(ABSOLUTE_TOLERANCE) F(MAXIMUM_STEP) F(DECAY)
 // and lists: rows of formulas by shaft and constraint, inputs, points of tables, elements that hold.
 #define VARIATOR_SIM_MOTION_LISTS(F)                                                            \
-  F(int, order_of) F(int, is_neutral) F(int, reads_angle) F(int, shown_row) F(double, coupling) F(int, torque_row)                    \
+  F(int, order_of) F(int, is_neutral) F(int, shown_row) F(double, coupling) F(int, torque_row)                    \
   F(int, residual_row) F(int, velocity_residual_row) F(int, entry_row) F(int, direction_row)    \
   F(int, has_direction) F(int, entry_begin) F(int, entry_shaft) F(int, entry_varies)         \
+  F(int, entry_place) F(int, block_begin) F(int, block_shafts) F(int, block_unknown)            \
+  F(int, block_matrix) F(int, group_of) F(int, link_begin) F(int, linked) F(int, place_of)       \
+  F(int, envelope_begin) F(int, envelope_end)                                                   \
   F(int, load_of) F(int, slope_row) F(int, base_row) F(int, curvature_row) \
   F(int, input_slope_row) F(int, inertia_row) F(int, inertial_row) F(int, connection_row)       \
   F(int, pair_row) F(int, turn_row)                                                             \

@@ -104,10 +104,8 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
                        [&](Node node) { return scene.graph->dependsOn(node, slotOf(source, i)); });
   };
   bool reads_angles = false;
-  for (int i = 0; i < scene.shaftCount(); ++i) {
-    reads_angle.values.push_back(anyReads(Source::kAngle, i) ? 1 : 0);
-    reads_angles = reads_angles || reads_angle.values.back() != 0;
-  }
+  for (int i = 0; i < scene.shaftCount(); ++i)
+    reads_angles = reads_angles || anyReads(Source::kAngle, i);
   FIRST_JUDGED = reads_angles ? 0 : scene.shaftCount();
   add(formulas_.velocity_residual);
   add(formulas_.curvature);
@@ -234,7 +232,6 @@ void MotionProgram::setSizes(const Scene& scene) {
   SCENE_MODES = std::max(1, rows_.modes());
   SCENE_PIECES = std::max(1, rows_.pieces());
   SCENE_MOBILITY = IS_COUPLED != 0 ? S * S : S;
-  SCENE_MATRIX = std::max(1, IS_CURVED != 0 || HOLDS > 0 ? SIZE * SIZE : K * K);
   const double tolerance = scene.solver.relative_tolerance;
   RELATIVE_TOLERANCE = tolerance;
   ABSOLUTE_TOLERANCE = scene.solver.absolute_tolerance;
@@ -270,7 +267,8 @@ void MotionProgram::setStages(const Scene& scene) {
   SCENE_WORK = 3 * kStages * unknowns + 2 * (kStages + 1) * S + kStages * INPUT_ROW_COUNT +
                3 * SCENE_ROWS + S + directions * (unknowns + S) +
                (1 + 2 * kPairs) * unknowns * unknowns;
-  SCENE_PIVOTS = (1 + kPairs) * unknowns;
+  SCENE_PIVOTS = 3 * (1 + kPairs) * unknowns;
+  listLinks(scene);
   if (CHOOSES_METHOD == 0 && BY_STAGES == 0) SCENE_WORK = SCENE_PIVOTS = 1;
 }
 
@@ -315,6 +313,7 @@ void MotionProgram::setLists(const Scene& scene) {
   entry_row = rowsOf(formulas_.entry);
   direction_row = rowsOf(formulas_.direction);
   listEntries(*scene.graph);
+  listBlocks(scene);
   curvature_row = rowsOf(formulas_.curvature);
   input_slope_row = rowsOf(formulas_.input_slope);
   inertia_row = rowsOf(formulas_.inertia);

@@ -86,6 +86,9 @@ class MotionProgram : public MotionData {
   void listShown();
   void setLists(const Scene& scene);
   void listEntries(const expression::Graph& graph);
+  bool areCoupled(const Scene& scene, int i, int j) const;
+  void listBlocks(const Scene& scene);
+  void listLinks(const Scene& scene);
   void setInputs(const Scene& scene);
   void setHolds(const expression::Graph& graph);
   void setMemory(const Scene& scene);

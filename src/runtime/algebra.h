@@ -74,6 +74,10 @@ VS_FUNCTION Real vs_inertia(const scene_series* it, int i, int j) {
   return i == j ? it->row[inertia_row[i]][0] : coupling[S * i + j];
 }
 
+/* The shafts j of the elements J_ij that may not be 0. */
+#define VS_FIRST_COUPLED(i) (IS_COUPLED ? 0 : (i))
+#define VS_END_COUPLED(i) (IS_COUPLED ? S : (i) + 1)
+
 /* C J^-1 C' of one constraint, of J its diagonal. */
 VS_FUNCTION double vs_row_length(const scene_series* it, int p) {
   double length = 0.0;
@@ -90,9 +94,8 @@ VS_FUNCTION void vs_reaction(const scene_series* it, Real* R) {
   int i, j;
   for (i = 0; i < S; ++i) {
     R[i] = it->row[inertial_row[i]][0] - it->row[torque_row[i]][0];
-    for (j = 0; j < S; ++j) {
-      if (i == j || IS_COUPLED) R[i] += vs_inertia(it, i, j) * it->row[ACCELERATION + j][0];
-    }
+    for (j = VS_FIRST_COUPLED(i); j < VS_END_COUPLED(i); ++j)
+      R[i] += vs_inertia(it, i, j) * it->row[ACCELERATION + j][0];
   }
 }
 
@@ -166,28 +169,45 @@ VS_FUNCTION int vs_factor_inertia(scene_series* it) {
   return it->has_mobility;
 }
 
-/* y = J^-1 f */
-VS_FUNCTION_INLINE void vs_move(const scene_series* it, const Real* f, Real* y) {
-  int i, j;
-  for (i = 0; i < S; ++i) {
-    y[i] = (IS_COUPLED ? it->mobility[S * i] * f[0] : it->mobility[i] * f[i]);
-    for (j = 1; j < S && IS_COUPLED; ++j) y[i] += it->mobility[S * i + j] * f[j];
-  }
+/* (J^-1 f)_i */
+VS_FUNCTION_INLINE Real vs_moved(const scene_series* it, const Real* f, int i) {
+  Real y = (IS_COUPLED ? it->mobility[S * i] * f[0] : it->mobility[i] * f[i]);
+  int j;
+  for (j = 1; j < S && IS_COUPLED; ++j) y += it->mobility[S * i + j] * f[j];
+  return y;
 }
 
-/* [J -D'; C 0] with the constraints that are in; mu_p = g_p for others. */
-VS_FUNCTION void vs_write_whole(scene_series* it) {
-  Real* const M = it->inverse;
-  int e, i, j, p;
-  for (i = 0; i < SIZE; ++i) {
-    for (j = 0; j < SIZE; ++j)
-      M[SIZE * i + j] = i < S && j < S && (i == j || IS_COUPLED) ? vs_inertia(it, i, j) : vs_zero;
+/* y = J^-1 f */
+VS_FUNCTION_INLINE void vs_move(const scene_series* it, const Real* f, Real* y) {
+  int i;
+  for (i = 0; i < S; ++i) y[i] = vs_moved(it, f, i);
+}
+
+/* Shafts that constraints or inertia join, and these constraints, are a block: the systems of
+ * blocks have nothing in common. A block's unknowns are its shafts, then its constraints; its
+ * matrix stands alone at its place. Blocks without a constraint are listed where inverses of the
+ * whole system are asked for. */
+#define VS_BLOCK_SIZE(b) (block_begin[(b) + 1] - block_begin[b])
+#define VS_UNKNOWN_OF(b, i) (BLOCKS == 1 ? (i) : block_unknown[block_begin[b] + (i)])
+#define VS_CONSTRAINT_OF(b, i) \
+  (BLOCKS == 1 ? (i) : block_unknown[block_begin[b] + block_shafts[b] + (i)] - S)
+
+/* [J -D'; C 0] of a block with the constraints that are in; mu_p = g_p for others. */
+VS_FUNCTION void vs_write_whole(scene_series* it, int b) {
+  Real* const M = it->inverse + block_matrix[b];
+  const int n = VS_BLOCK_SIZE(b), shafts = block_shafts[b];
+  int e, i, j;
+  for (i = 0; i < n * n; ++i) M[i] = 0.0;
+  for (i = 0; i < shafts; ++i) {
+    for (j = VS_FIRST_COUPLED(i); j < (IS_COUPLED ? shafts : i + 1); ++j)
+      M[n * i + j] = vs_inertia(it, VS_UNKNOWN_OF(b, i), VS_UNKNOWN_OF(b, j));
   }
-  for (p = 0; p < K; ++p) {
-    if (!it->is_in[p]) M[SIZE * (S + p) + S + p] = 1.0;
+  for (i = shafts; i < n; ++i) {
+    const int p = VS_CONSTRAINT_OF(b, i - shafts);
+    if (!it->is_in[p]) M[n * i + i] = 1.0;
     for (e = entry_begin[p]; e < entry_begin[p + 1] && it->is_in[p]; ++e) {
-      M[SIZE * (S + p) + entry_shaft[e]] = vs_entry(it, p, entry_shaft[e]);
-      M[SIZE * entry_shaft[e] + S + p] = -vs_direction(it, p, entry_shaft[e]);
+      M[n * i + entry_place[e]] = vs_entry(it, p, entry_shaft[e]);
+      M[n * entry_place[e] + i] = -vs_direction(it, p, entry_shaft[e]);
     }
   }
 }
@@ -195,59 +215,86 @@ VS_FUNCTION void vs_write_whole(scene_series* it) {
 /* Its inverse, beside elements that hold: what is stuck stands still to the bit by it, and by the
  * solution for the multipliers to rounding, which decisions of modes would take for motion. */
 VS_FUNCTION int vs_factor_whole(scene_series* it) {
-  int p;
-  vs_write_whole(it);
-  if (!vs_invert(it->inverse, SIZE, 0, S, VS_POSITIVE, 0, &it->distance)) return 0;
-  for (p = 0; p < K; ++p) it->size[p] = it->inverse[SIZE * (S + p) + S + p];
+  int b, i;
+  for (b = 0; b < BLOCKS; ++b) {
+    Real* const M = it->inverse + block_matrix[b];
+    Real size[MOST_CONSTRAINTS + 1];
+    const int n = VS_BLOCK_SIZE(b), shafts = block_shafts[b];
+    vs_write_whole(it, b);
+    if (!vs_invert(M, n, 0, shafts, VS_POSITIVE, 0, &it->distance)) return 0;
+    for (i = shafts; i < n; ++i)
+      it->size[VS_CONSTRAINT_OF(b, i - shafts)] = size[i - shafts] = M[n * i + i];
+    if (!vs_invert(M, n, shafts, n, VS_RANKED, size, &it->distance)) return 0;
+  }
   it->is_whole = 1;
-  return vs_invert(it->inverse, SIZE, S, SIZE, VS_RANKED, it->size, &it->distance);
+  return 1;
 }
 
 /* A^-1 with A = C J^-1 D' of the constraints of orders low to high, or the whole inverse. False
  * where C has lost rank. */
 VS_FUNCTION int vs_factor(scene_series* it, int low, int high) {
-  Real D[MOST_SHAFTS], y[MOST_SHAFTS];
-  int e, i, p, q;
-  for (q = 0; q < K; ++q) it->is_in[q] = vs_is_counted(it, q, low, high);
+  Real D[MOST_SHAFTS], size[MOST_CONSTRAINTS + 1];
+  int b, e, i, k;
+  for (i = 0; i < K; ++i) it->is_in[i] = vs_is_counted(it, i, low, high);
   it->distance = 1.0;
   it->is_whole = 0;
   if (!vs_factor_inertia(it)) return 0;
   if (HOLDS) return vs_factor_whole(it);
-  for (q = 0; q < K; ++q) {
-    for (i = 0; i < S; ++i) D[i] = 0.0;
-    for (e = entry_begin[q]; e < entry_begin[q + 1]; ++e)
-      D[entry_shaft[e]] = vs_direction(it, q, entry_shaft[e]);
-    vs_move(it, D, y);
-    for (p = 0; p < K; ++p) {
-      Real sum = 0.0;
-      for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e)
-        sum += vs_entry(it, p, entry_shaft[e]) * y[entry_shaft[e]];
-      it->inverse[K * p + q] = it->is_in[p] && it->is_in[q] ? sum : (Real)(p == q);
+  for (i = 0; i < S; ++i) D[i] = 0.0;
+  for (b = 0; b < BLOCKS; ++b) {
+    Real* const A = it->inverse + block_matrix[b];
+    const int n = VS_BLOCK_SIZE(b) - block_shafts[b];
+    for (k = 0; k < n; ++k) {
+      const int q = VS_CONSTRAINT_OF(b, k);
+      for (e = entry_begin[q]; e < entry_begin[q + 1]; ++e)
+        D[entry_shaft[e]] = vs_direction(it, q, entry_shaft[e]);
+      for (i = 0; i < n; ++i) {
+        const int p = VS_CONSTRAINT_OF(b, i);
+        Real sum = 0.0;
+        for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e)
+          sum += vs_entry(it, p, entry_shaft[e]) * vs_moved(it, D, entry_shaft[e]);
+        A[n * i + k] = it->is_in[p] && it->is_in[q] ? sum : (Real)(i == k);
+      }
+      it->size[q] = size[k] = A[n * k + k];
+      for (e = entry_begin[q]; e < entry_begin[q + 1]; ++e) D[entry_shaft[e]] = 0.0;
     }
-    it->size[q] = it->inverse[K * q + q];
+    if (!vs_invert(A, n, 0, n, VS_RANKED, size, &it->distance)) return 0;
   }
-  return vs_invert(it->inverse, K, 0, K, VS_RANKED, it->size, &it->distance);
+  return 1;
 }
 
 /* mu = A^-1 (g - C J^-1 a), epsilon = J^-1 (a + D' mu), in the place of a and g */
 VS_FUNCTION_INLINE void vs_eliminate(const scene_series* it, Real* x) {
   Real b[MOST_SIZE], y[MOST_SHAFTS];
   const int is_whole = (HOLDS || IS_CURVED) && it->is_whole;
-  int e, i, j, p, q;
-  for (i = 0; i < SIZE; ++i) b[i] = x[i];
-  for (i = 0; i < SIZE && is_whole; ++i) {
-    x[i] = it->inverse[SIZE * i] * b[0];
-    for (j = 1; j < SIZE; ++j) x[i] += it->inverse[SIZE * i + j] * b[j];
+  int block, e, i, j, p;
+  for (block = 0; block < BLOCKS && is_whole; ++block) {
+    const int n = VS_BLOCK_SIZE(block);
+    for (i = 0; i < n; ++i) b[i] = x[VS_UNKNOWN_OF(block, i)];
+    for (i = 0; i < n; ++i) {
+      const Real* const row = it->inverse + block_matrix[block] + n * i;
+      Real sum = row[0] * b[0];
+      for (j = 1; j < n; ++j) sum += row[j] * b[j];
+      x[VS_UNKNOWN_OF(block, i)] = sum;
+    }
   }
   if (is_whole) return;
+  for (i = 0; i < SIZE; ++i) b[i] = x[i];
   vs_move(it, b, y);
   for (p = 0; p < K; ++p) {
     for (e = entry_begin[p]; e < entry_begin[p + 1] && it->is_in[p]; ++e)
       b[S + p] -= vs_entry(it, p, entry_shaft[e]) * y[entry_shaft[e]];
   }
+  for (block = 0; block < BLOCKS; ++block) {
+    const int n = VS_BLOCK_SIZE(block) - block_shafts[block];
+    for (i = 0; i < n; ++i) {
+      const Real* const row = it->inverse + block_matrix[block] + n * i;
+      Real sum = row[0] * b[S + VS_CONSTRAINT_OF(block, 0)];
+      for (j = 1; j < n; ++j) sum += row[j] * b[S + VS_CONSTRAINT_OF(block, j)];
+      x[S + VS_CONSTRAINT_OF(block, i)] = sum;
+    }
+  }
   for (p = 0; p < K; ++p) {
-    x[S + p] = it->inverse[K * p] * b[S];
-    for (q = 1; q < K; ++q) x[S + p] += it->inverse[K * p + q] * b[S + q];
     for (e = entry_begin[p]; e < entry_begin[p + 1] && it->is_in[p]; ++e)
       b[entry_shaft[e]] += vs_direction(it, p, entry_shaft[e]) * x[S + p];
   }
@@ -259,9 +306,8 @@ VS_FUNCTION void vs_find_left(const scene_series* it, const Real* b, const Real*
   int e, i, j, p;
   for (i = 0; i < S; ++i) {
     left[i] = b[i];
-    for (j = 0; j < S; ++j) {
-      if (i == j || IS_COUPLED) left[i] -= vs_inertia(it, i, j) * x[j];
-    }
+    for (j = VS_FIRST_COUPLED(i); j < VS_END_COUPLED(i); ++j)
+      left[i] -= vs_inertia(it, i, j) * x[j];
   }
   for (p = 0; p < K; ++p) {
     left[S + p] = it->is_in[p] ? b[S + p] : vs_zero;
@@ -291,22 +337,32 @@ VS_FUNCTION_INLINE void vs_solve(const scene_series* it, Real* x) {
 /* The whole inverse where psi is not linear in the accelerations: J less the sum of lambda
  * d2psi/depsilon2 in the place of J. The system is scaled by 1/sqrt(J_ii) and 1/sqrt(C J^-1 C'). */
 VS_FUNCTION int vs_factor_curved(scene_series* it, const Real* lambda, int low, int high) {
-  Real* const M = it->inverse;
-  Real scale[MOST_SIZE];
-  double unused;
-  int i, p;
+  int b, i, k;
   if (!vs_factor(it, low, high)) return 0;
   if (!IS_CURVED) return 1;
   vs_at_once(it, 0);
-  vs_write_whole(it);
-  for (i = 0; i < SIZE; ++i) scale[i] = 1.0 / sqrt(i < S ? vs_inertia(it, i, i) : it->size[i - S]);
-  for (p = 0; p < K; ++p) {
-    for (i = 0; i < S * S && it->is_in[p]; ++i)
-      M[SIZE * (i / S) + i % S] -= lambda[p] * it->row[curvature_row[S * S * p + i]][0];
+  for (b = 0; b < BLOCKS; ++b) {
+    Real* const M = it->inverse + block_matrix[b];
+    Real scale[MOST_SIZE];
+    double unused;
+    const int n = VS_BLOCK_SIZE(b), shafts = block_shafts[b];
+    vs_write_whole(it, b);
+    for (i = 0; i < n; ++i) {
+      const int of = VS_UNKNOWN_OF(b, i);
+      scale[i] = 1.0 / sqrt(i < shafts ? vs_inertia(it, of, of) : it->size[of - S]);
+    }
+    for (k = 0; k < n - shafts; ++k) {
+      const int p = VS_CONSTRAINT_OF(b, k);
+      const int* const bent = curvature_row + S * S * p;
+      for (i = 0; i < shafts * shafts && it->is_in[p]; ++i) {
+        const int at = S * VS_UNKNOWN_OF(b, i / shafts) + VS_UNKNOWN_OF(b, i % shafts);
+        M[n * (i / shafts) + i % shafts] -= lambda[p] * it->row[bent[at]][0];
+      }
+    }
+    for (i = 0; i < n * n; ++i) M[i] *= scale[i / n] * scale[i % n];
+    if (!vs_invert(M, n, 0, n, VS_SOUGHT, 0, &unused)) return 0;
+    for (i = 0; i < n * n; ++i) M[i] *= scale[i / n] * scale[i % n];
   }
-  for (i = 0; i < SIZE * SIZE; ++i) M[i] *= scale[i / SIZE] * scale[i % SIZE];
-  if (!vs_invert(M, SIZE, 0, SIZE, VS_SOUGHT, 0, &unused)) return 0;
-  for (i = 0; i < SIZE * SIZE; ++i) M[i] *= scale[i / SIZE] * scale[i % SIZE];
   it->is_whole = 1;
   it->distance = 1.0;
   return 1;

@@ -401,9 +401,8 @@ VS_FUNCTION int vs_host_see(vs_host* h, double at, vs_seen* to) {
     to->reaction_rate[i] = vs_reaction_rate(it, i);
     to->covariant_rate[i] = to->reaction_rate[i] - vs_connection(it, i);
     if (to->jerk != 0) to->jerk[i] = it->row[ACCELERATION + i][1] / it->unit;
-    for (j = 0; j < S; ++j) {
+    for (j = VS_FIRST_COUPLED(i); j < VS_END_COUPLED(i); ++j)
       to->kinetic += 0.5 * vs_inertia(it, i, j) * to->velocity[i] * m->now.velocity[j];
-    }
   }
   for (p = 0; p < CONSTRAINTS; ++p) {
     to->residual[p] = vs_residual(it, p);

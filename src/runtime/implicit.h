@@ -31,12 +31,16 @@ VS_FUNCTION_INLINE double vs_coefficient(const vs_stages* of, int n, const Real*
  * `by` before them, and R by x. */
 VS_FUNCTION_RARE void vs_damp(const vs_stages* of, double* by, double* x) {
   const double g = of->h / of->method->real;
-  int i, q;
+  int i, l, q;
   for (q = S; q < DIRECTIONS; ++q) {
-    for (i = 0; i < UNKNOWNS; ++i) x[i] -= of->slope[UNKNOWNS * q + i] * by[q];
-    for (i = 0; i < S && !IS_CLASSICAL; ++i) x[i] += g * of->pull_slope[S * q + i] * by[q];
+    const int unknown = vs_unknown_along(q);
+    for (l = link_begin[unknown]; l < link_begin[unknown + 1]; ++l) {
+      i = linked[l];
+      x[i] -= of->slope[UNKNOWNS * q + i] * by[q];
+      if (i < S && !IS_CLASSICAL) x[i] += g * of->pull_slope[S * q + i] * by[q];
+    }
   }
-  vs_substitute(of->real, 0, UNKNOWNS, of->real_pivot, x, 0);
+  vs_solve_stage(of, x);
   for (i = 0; i < S; ++i) {
     by[S + i] += g * x[i];
     by[2 * S + i] += g * g * x[i];
@@ -396,7 +400,7 @@ VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, doub
     }
     before = moved;
     moved = vs_size_of_left(m, w, x);
-    vs_substitute(of.real, 0, UNKNOWNS, of.real_pivot, x, 0);
+    vs_solve_stage(&of, x);
     for (i = 0; i < S; ++i) {
       m->now.acceleration[i] += x[i];
       m->now.velocity[i] += g * x[i];

@@ -68,9 +68,8 @@ VS_FUNCTION void vs_note_pull(scene_series* it, int n) {
   int i, j, k;
   for (i = 0; i < S; ++i) {
     b[i] = r[inertial_row[i]][n] - r[torque_row[i]][n];
-    for (j = 0; j < S; ++j) {
+    for (j = VS_FIRST_COUPLED(i); j < VS_END_COUPLED(i); ++j)
       b[i] += vs_inertia(it, i, j) * r[ACCELERATION + j][n];
-    }
     for (k = IS_GENERAL ? 0 : i; k < (IS_GENERAL ? S : i + 1); ++k) {
       const Real* const J = r[IS_GENERAL ? pair_row[S * i + k] : inertia_row[i]];
       for (j = 1; j <= n; ++j) b[i] += J[j] * (r[ACCELERATION + k][n - j] - r[PULL + k][n - j]);

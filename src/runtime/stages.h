@@ -62,7 +62,7 @@ VS_FUNCTION_RARE void vs_lay_out(scene_model* m, int which, vs_stages* of) {
   for (p = 0; p < VS_MOST_PAIRS; ++p) VS_PLACE(pair[p], 2 * UNKNOWNS * UNKNOWNS);
 #undef VS_PLACE
   of->real_pivot = pivot;
-  for (p = 0; p < VS_MOST_PAIRS; ++p) of->pair_pivot[p] = pivot + (p + 1) * UNKNOWNS;
+  for (p = 0; p < VS_MOST_PAIRS; ++p) of->pair_pivot[p] = pivot + 3 * (p + 1) * UNKNOWNS;
 }
 
 /* ---- Stages ---- */
@@ -190,66 +190,87 @@ VS_FUNCTION_RARE int vs_find_residuals(scene_series* it, scene_series* w, const 
 
 /* ---- Newton's iteration ---- */
 
-/* Slopes that are not finite, as that of a root at 0, become 0: Newton's iteration converges by
- * itself in a step that is short enough. */
-VS_FUNCTION_RARE void vs_drop_endless(scene_series* w, const vs_stages* of) {
-  int has_endless = 0, n;
-  for (n = 0; n < DIRECTIONS * UNKNOWNS; ++n) {
-    if (isfinite(of->slope[n])) continue;
-    of->slope[n] = 0.0;
-    has_endless = 1;
+/* The unknown that moves the state along a direction, and the row of what is moved: epsilon, omega,
+ * phi of each shaft, then z. */
+VS_FUNCTION_INLINE int vs_unknown_along(int q) {
+  return q < 3 * S ? q % S : SIZE + q - 3 * S;
+}
+VS_FUNCTION_INLINE int vs_row_along(int q) {
+  if (q >= 3 * S) return STATE + q - 3 * S;
+  return (q < S ? ACCELERATION : q < 2 * S ? VELOCITY : ANGLE) + q % S;
+}
+
+/* The derivatives of residuals, and of P, along direction q, which are coefficients 1 of the rows.
+ */
+VS_FUNCTION_RARE void vs_note_slopes(const scene_series* w, const scene_state* from,
+                                     const vs_stages* of, int q) {
+  const int unknown = vs_unknown_along(q);
+  double* const slope = of->slope + UNKNOWNS * q;
+  double* const pull = of->pull_slope + S * q;
+  int e, i, j, l, p;
+  for (l = link_begin[unknown]; l < link_begin[unknown + 1]; ++l) {
+    const int row = linked[l];
+    if (row < S) {
+      slope[row] = w->row[inertial_row[row]][1] - w->row[torque_row[row]][1];
+      for (j = 0; j < S && IS_GENERAL; ++j)
+        slope[row] += w->row[pair_row[S * row + j]][1] * from->acceleration[j];
+      if (INERTIA_VARIES && !IS_GENERAL)
+        slope[row] += w->row[inertia_row[row]][1] * from->acceleration[row];
+      continue;
+    }
+    if (row >= SIZE) {
+      slope[row] = -w->row[rate_row[row - SIZE]][1];
+      continue;
+    }
+    p = row - S;
+    if (!vs_is_on(w, p)) continue;
+    slope[row] = w->row[residual_row[p]][1];
+    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
+      i = entry_shaft[e];
+      if (IS_CLASSICAL || has_direction[p])
+        slope[i] -= w->row[direction_row[S * p + i]][1] * w->row[TRANSMITTED + p][0];
+      else
+        pull[i] += w->row[entry_row[S * p + i]][1] * w->row[MULTIPLIER + p][0];
+    }
   }
-  for (n = 0; n < DIRECTIONS * S; ++n)
-    if (!isfinite(of->pull_slope[n])) of->pull_slope[n] = 0.0;
-  for (n = 0; n < SCENE_ROWS && has_endless; ++n)
-    memset(w->row[n] + 1, 0, sizeof w->row[n] - sizeof(Real));
 }
 
 /* The derivatives of the residuals by the state that was entered in w, along each of epsilon,
- * omega, phi and z. */
+ * omega, phi and z: along a group of directions at once. Slopes that are not finite, as that of a
+ * root at 0, become 0: Newton's iteration converges by itself in a step that is short enough. */
 VS_FUNCTION_RARE void vs_find_slopes(scene_series* w, const scene_state* from,
                                      const vs_stages* of) {
-  int e, i, j, k, p, q;
+  int has_endless = 0, g, i, k, l, n, q;
   for (i = ANGLE; i < STATE; ++i) w->row[i][1] = 0.0;
   for (k = 0; k < INPUT_ROW_COUNT; ++k) w->row[input_row[k]][1] = 0.0;
   w->row[TIME][1] = 0.0;
-  w->is_path = 1;
   for (q = 0; q < DIRECTIONS; ++q) {
-    double* const slope = of->slope + UNKNOWNS * q;
-    double* const pull = of->pull_slope + S * q;
-    const int along = q < S       ? ACCELERATION + q
-                      : q < 2 * S ? VELOCITY + q - S
-                      : q < 3 * S ? ANGLE + q - 2 * S
-                                  : STATE + q - 3 * S;
-    for (i = 0; i < UNKNOWNS; ++i) slope[i] = 0.0;
-    for (i = 0; i < S; ++i) pull[i] = 0.0;
-    if (q < S ? !READS_ACCELERATIONS : q >= 2 * S && q < 3 * S && !reads_angle[q - 2 * S]) continue;
-    w->row[along][1] = 1.0;
+    for (l = link_begin[vs_unknown_along(q)]; l < link_begin[vs_unknown_along(q) + 1]; ++l) {
+      of->slope[UNKNOWNS * q + linked[l]] = 0.0;
+      if (linked[l] < S) of->pull_slope[S * q + linked[l]] = 0.0;
+    }
+  }
+  w->is_path = 1;
+  for (g = 0; g < GROUPS; ++g) {
+    for (q = 0; q < DIRECTIONS; ++q) w->row[vs_row_along(q)][1] = group_of[q] == g;
     w->order = 0;
     vs_extend(w);
-    w->row[along][1] = 0.0;
-    for (i = 0; i < S; ++i) {
-      slope[i] = w->row[inertial_row[i]][1] - w->row[torque_row[i]][1];
-      for (j = 0; j < S && IS_GENERAL; ++j)
-        slope[i] += w->row[pair_row[S * i + j]][1] * from->acceleration[j];
-      if (INERTIA_VARIES && !IS_GENERAL)
-        slope[i] += w->row[inertia_row[i]][1] * from->acceleration[i];
+    for (q = 0; q < DIRECTIONS; ++q) {
+      if (group_of[q] == g) vs_note_slopes(w, from, of, q);
     }
-    for (p = 0; p < K; ++p) {
-      if (!vs_is_on(w, p)) continue;
-      slope[S + p] = w->row[residual_row[p]][1];
-      for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
-        i = entry_shaft[e];
-        if (IS_CLASSICAL || has_direction[p])
-          slope[i] -= w->row[direction_row[S * p + i]][1] * w->row[TRANSMITTED + p][0];
-        else
-          pull[i] += w->row[entry_row[S * p + i]][1] * w->row[MULTIPLIER + p][0];
-      }
-    }
-    for (i = 0; i < STATES; ++i) slope[SIZE + i] = -w->row[rate_row[i]][1];
   }
   w->is_path = 0;
-  vs_drop_endless(w, of);
+  for (q = 0; q < DIRECTIONS; ++q) w->row[vs_row_along(q)][1] = 0.0;
+  for (q = 0; q < DIRECTIONS; ++q) {
+    for (l = link_begin[vs_unknown_along(q)]; l < link_begin[vs_unknown_along(q) + 1]; ++l) {
+      double* const slope = &of->slope[UNKNOWNS * q + linked[l]];
+      double* const pull = &of->pull_slope[S * q + linked[l]];
+      if (!isfinite(*slope)) has_endless = 1, *slope = 0.0;
+      if (linked[l] < S && !isfinite(*pull)) *pull = 0.0;
+    }
+  }
+  for (n = 0; n < SCENE_ROWS && has_endless; ++n)
+    memset(w->row[n] + 1, 0, sizeof w->row[n] - sizeof(Real));
 }
 
 /* Entry (i, q) of the derivative of residual i by unknown q:
@@ -278,21 +299,39 @@ VS_FUNCTION_INLINE void vs_find_powers(const scene_series* w, const vs_stages* o
   }
 }
 
+/* A matrix of zeros, in the place of the last one, and the envelope of what will be in it. */
+VS_FUNCTION_RARE void vs_begin_matrix(double* re, double* im, int* pivot) {
+  const int n = UNKNOWNS;
+  int *const begin = pivot + n, *const end = pivot + 2 * n;
+  int i, j;
+  for (i = 0; i < n; ++i) {
+    for (j = begin[i]; j < end[i]; ++j) {
+      re[n * i + j] = 0.0;
+      if (im != 0) im[n * i + j] = 0.0;
+    }
+    begin[i] = envelope_begin[i];
+    end[i] = envelope_end[i];
+  }
+}
+
 /* The factors of the matrices of a step of h. False where one is singular. */
 VS_FUNCTION_RARE int vs_factor_stages(const scene_series* w, const vs_stages* of) {
   const int n = UNKNOWNS, pairs = of->method->stages / 2;
   const double g = of->h / of->method->real;
   double re[VS_MOST_PAIRS], im[VS_MOST_PAIRS], f[5];
-  int i, p, q;
+  int l, p, q;
   for (p = 0; p < pairs; ++p) { /* h / (a + i b) */
     const double a = of->method->pair[p][0], b = of->method->pair[p][1];
     re[p] = of->h * a / (a * a + b * b);
     im[p] = -of->h * b / (a * a + b * b);
   }
-  for (i = 0; i < n; ++i) {
-    for (q = 0; q < n; ++q) {
-      vs_find_powers(w, of, i, q, f);
-      of->real[n * i + q] = f[0] + g * (f[1] + g * (f[2] + g * f[3])) + f[4] / g;
+  vs_begin_matrix(of->real, 0, of->real_pivot);
+  for (p = 0; p < pairs; ++p) vs_begin_matrix(of->pair[p], of->pair[p] + n * n, of->pair_pivot[p]);
+  for (q = 0; q < n; ++q) {
+    for (l = link_begin[q]; l < link_begin[q + 1]; ++l) {
+      const int at = n * place_of[linked[l]] + place_of[q];
+      vs_find_powers(w, of, linked[l], q, f);
+      of->real[at] = f[0] + g * (f[1] + g * (f[2] + g * f[3])) + f[4] / g;
       for (p = 0; p < pairs; ++p) {
         const double square = re[p] * re[p] + im[p] * im[p];
         double x = f[3], y = 0.0, z;
@@ -302,8 +341,8 @@ VS_FUNCTION_RARE int vs_factor_stages(const scene_series* w, const vs_stages* of
           y = x * im[p] + y * re[p];
           x = z;
         }
-        of->pair[p][n * i + q] = x + f[4] * re[p] / square;
-        of->pair[p][n * (n + i) + q] = y - f[4] * im[p] / square;
+        of->pair[p][at] = x + f[4] * re[p] / square;
+        of->pair[p][n * n + at] = y - f[4] * im[p] / square;
       }
     }
   }
@@ -314,36 +353,40 @@ VS_FUNCTION_RARE int vs_factor_stages(const scene_series* w, const vs_stages* of
   return 1;
 }
 
-/* The change of residual i by all velocities as a whole. */
-VS_FUNCTION_INLINE double vs_sum_over_velocities(const scene_series* it, const vs_stages* of,
-                                                 int i) {
-  double sum = 0.0;
-  int q;
-  for (q = 0; q < S; ++q) sum += fabs(of->slope[UNKNOWNS * (S + q) + i] * it->row[VELOCITY + q][0]);
-  return sum;
-}
-
 /* Finds the part of each acceleration that rounding of the velocities makes, by the torques and by
  * psi, which moves the accelerations along J^-1 C'. */
 VS_FUNCTION_RARE void vs_find_noise(const scene_series* it, const vs_stages* of) {
-  int e, i, p;
-  for (i = 0; i < S; ++i)
-    of->noise[i] = 4.0 * DBL_EPSILON * vs_sum_over_velocities(it, of, i) / vs_inertia(it, i, i);
+  double moved[MOST_SIZE + MOST_INPUTS] = {0.0}; /* residuals, by all velocities as a whole */
+  int e, i, l, p, q;
+  for (q = 0; q < S; ++q) {
+    for (l = link_begin[q]; l < link_begin[q + 1]; ++l)
+      moved[linked[l]] +=
+          fabs(of->slope[UNKNOWNS * (S + q) + linked[l]] * it->row[VELOCITY + q][0]);
+  }
+  for (i = 0; i < S; ++i) of->noise[i] = 4.0 * DBL_EPSILON * moved[i] / vs_inertia(it, i, i);
   for (p = 0; p < K; ++p) {
-    double moved, length;
+    double length;
     if (order_of[p] != 2 || !vs_is_on(it, p)) continue;
-    moved = vs_sum_over_velocities(it, of, S + p);
     length = vs_row_length(it, p);
     for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
       i = entry_shaft[e];
       of->noise[i] +=
-          DBL_EPSILON * moved * fabs(vs_entry(it, p, i)) / (vs_inertia(it, i, i) * length);
+          DBL_EPSILON * moved[S + p] * fabs(vs_entry(it, p, i)) / (vs_inertia(it, i, i) * length);
     }
   }
 }
 
 /* Part of the tolerance that Newton's iteration may leave. */
 #define VS_LEFT 0.02
+
+/* x = the solution of the real system of a step. */
+VS_FUNCTION_RARE void vs_solve_stage(const vs_stages* of, double* x) {
+  double y[MOST_SIZE + MOST_INPUTS];
+  int i;
+  for (i = 0; i < UNKNOWNS; ++i) y[place_of[i]] = x[i];
+  vs_substitute(of->real, 0, UNKNOWNS, of->real_pivot, y, 0);
+  for (i = 0; i < UNKNOWNS; ++i) x[i] = y[place_of[i]];
+}
 
 /* One correction of the stages. Its size in tolerances of the state at the begin, and *most_pushed:
  * that of what the multipliers' corrections make of R, which was found by those before. */
@@ -352,13 +395,13 @@ VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stage
   const vs_radau* const method = of->method;
   const int s = method->stages, n = UNKNOWNS;
   double size = 0.0, rest = 0.0;
-  int i, j, k, p;
+  int e, i, j, k, p;
   *most_pushed = 0.0;
   for (k = 0; k < s; ++k) {
     for (i = 0; i < n; ++i) {
       double sum = 0.0;
       for (j = 0; j < s; ++j) sum -= method->from_T[k][j] * of->residual[n * j + i];
-      of->sum[n * k + i] = sum;
+      of->sum[n * k + place_of[i]] = sum;
     }
   }
   vs_substitute(of->real, 0, n, of->real_pivot, of->sum, 0);
@@ -368,15 +411,22 @@ VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stage
   for (j = 0; j < s; ++j) {
     for (i = 0; i < n; ++i) {
       double change = 0.0;
-      for (k = 0; k < s; ++k) change += method->T[j][k] * of->sum[n * k + i];
+      for (k = 0; k < s; ++k) change += method->T[j][k] * of->sum[n * k + place_of[i]];
       of->residual[n * j + i] = change;
       of->y[n * j + i] += change;
       rest += 0.0 * change;
     }
   }
   for (j = 0; j < s; ++j) {
+    double pushed[MOST_SHAFTS] = {0.0};
+    for (p = 0; p < K && !IS_CLASSICAL; ++p) { /* (of gauss R follows from the multipliers) */
+      double moved = 0.0;
+      for (k = 0; k < s; ++k) moved += method->A[j][k] * of->residual[n * k + S + p];
+      for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e)
+        pushed[entry_shaft[e]] += of->h * moved * vs_direction(it, p, entry_shaft[e]);
+    }
     for (i = 0; i < n; ++i) {
-      double change = 0.0, pushed = 0.0, allowed;
+      double change = 0.0, allowed;
       const int row = i < S ? VELOCITY + i : i < SIZE ? TRANSMITTED + i - S : STATE + i - SIZE;
       if (i >= S && i < SIZE && (IS_CLASSICAL || !TRANSMITS)) continue;
       for (k = 0; k < s; ++k) change += method->A[j][k] * of->residual[n * k + i];
@@ -386,13 +436,7 @@ VS_FUNCTION_RARE double vs_correct_stages(const scene_series* it, const vs_stage
       allowed = vs_tolerance(it, it->row[ACCELERATION + i][0]) + of->noise[i] / VS_LEFT;
       change = (IS_CLASSICAL ? 0.1 : 1.0) * fabs(of->residual[n * j + i]) / allowed;
       size = seriesLarger(size, change);
-      if (IS_CLASSICAL) continue; /* (R follows from the multipliers.) */
-      for (p = 0; p < K; ++p) {
-        double moved = 0.0;
-        for (k = 0; k < s; ++k) moved += method->A[j][k] * of->residual[n * k + S + p];
-        pushed += of->h * moved * vs_direction(it, p, i);
-      }
-      *most_pushed = seriesLarger(*most_pushed, fabs(pushed / (vs_inertia(it, i, i) * allowed)));
+      *most_pushed = seriesLarger(*most_pushed, fabs(pushed[i] / (vs_inertia(it, i, i) * allowed)));
     }
   }
   return size + rest;
