@@ -341,6 +341,7 @@ void MotionProgram::setLists(const Scene& scene) {
   resolved.values = rows_.resolved();
   SIGNS = static_cast<int>(sign_row.values.size());
   TABLES = static_cast<int>(passages.size());
+  SCENE_MODES += SIGNS + TABLES;  // VS_RESTS
   CONSTANTS = static_cast<int>(constant_row.values.size());
   RESOLVED = static_cast<int>(resolved.values.size());
 }

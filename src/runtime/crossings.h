@@ -93,6 +93,51 @@ VS_FUNCTION scene_status vs_settle_beyond(scene_model* m, scene_series* it, cons
   return vs_settle(m, it, VS_RESTORES, vs_transmitted(m), 0, 0.0, 25);
 }
 
+/* True where a guard is off a point, at theta, by no more than rounding of what it is made of. */
+VS_FUNCTION_RARE int vs_is_rounding(scene_model* m, scene_series* it, int guard, double point,
+                                    double theta) {
+  const double ulps = 8.0 * DBL_EPSILON;
+  const scene_state base = m->now;
+  double off, moved;
+  int i;
+  vs_go(m, theta);
+  vs_enter_inputs(m, it, 0);
+  vs_enter_state(m, it);
+  m->now = base;
+  off = fabs(vs_guard(it, guard)[0] - point);
+  moved = (double)vs_guard(it, guard)[0];
+  for (i = ANGLE; i < STATE + STATES; ++i) {
+    /* (Modes are no quantities. Of several sizes, lest changes of a difference cancel.) */
+    if (HOLDS && i >= side_row[0] && i < STATE) continue;
+    it->row[i][0] *= 1.0 + (i % 2 ? ulps : -ulps) * (1.0 + 0.3 * (i % 3));
+  }
+  vs_enter_formulas(it);
+  moved = fabs(vs_guard(it, guard)[0] - moved);
+  return off <= 4.0 * (moved + DBL_EPSILON * fabs(point));
+}
+
+/* Finds the guards that stay on a jump up to theta by all but rounding: speeds that a lock couples,
+ * the reaction on a shaft without a constraint. They are no events: the formulas go on as at their
+ * first value. */
+VS_FUNCTION void vs_note_resting(scene_model* m, double theta) {
+  scene_series* const it = vs_series(m);
+  scene_series* const w = &m->series[1 - m->present];
+  double points[3];
+  int g, k, rests;
+  for (g = 0; g < SIGNS + TABLES; ++g) {
+    const Real* const c = vs_guard(it, g);
+    VS_RESTS(it, g) = 0.0;
+    if (!(g < SIGNS ? sign_jumps[g] : passage_jumps[g - SIGNS])) continue;
+    points[0] = points[1] = points[2] = 0.0;
+    if (g >= SIGNS) vs_find_points(it, g - SIGNS, c[0], &points[0], &points[1], &points[2]);
+    for (k = 0, rests = 0; k < 3 && !rests; ++k) {
+      rests = isfinite(points[k]) && vs_rests(it, c, theta, points[k]) &&
+              vs_is_rounding(m, w, g, points[k], 0.0) && vs_is_rounding(m, w, g, points[k], theta);
+    }
+    VS_RESTS(it, g) = rests;
+  }
+}
+
 /* The guard of a jump that lies between the two, or -1. */
 VS_FUNCTION int vs_lost_side(const scene_series* it, const scene_series* next) {
   double low, high, on;
@@ -100,13 +145,16 @@ VS_FUNCTION int vs_lost_side(const scene_series* it, const scene_series* next) {
   for (g = 0; g < SIGNS; ++g) {
     const Real *const c = it->row[sign_row[g]], *const end = next->row[sign_row[g]];
     const double side = vs_first_sign(c, it->order);
-    if (!sign_jumps[g] || side == 0.0 || vs_have_one_sign(end[0], side)) continue;
+    if (!sign_jumps[g] || VS_RESTS(it, g) != 0.0 || side == 0.0 || vs_have_one_sign(end[0], side))
+      continue;
     if (seriesLarger(fabs(c[0]), fabs(end[0])) > vs_least_distance()) return g;
   }
   for (g = 0; g < TABLES; ++g) {
     const double x = next->row[passage_row[g]][0];
     vs_find_points(it, g, it->row[passage_row[g]][0], &low, &high, &on);
-    if (passage_jumps[g] && !(on < INFINITY) && !(x > low && x < high)) return SIGNS + g;
+    if (passage_jumps[g] && !(VS_RESTS(it, SIGNS + g) != 0.0) && !(on < INFINITY) &&
+        !(x > low && x < high))
+      return SIGNS + g;
   }
   return -1;
 }
@@ -191,6 +239,7 @@ VS_FUNCTION scene_status vs_cross(scene_model* m, scene_series* it, vs_event* at
   const scene_state base = m->now;
   const double least = 4.0 * DBL_EPSILON * seriesLarger(1.0, base.time) / vs_series(m)->unit;
   const double whole = *theta;
+  const double end = seriesLarger(whole, at->theta + 64.0 * least); /* of what the series show */
   vs_law_values before, after;
   double distance = INFINITY;
   int trial, leaves = 0;
@@ -206,7 +255,7 @@ VS_FUNCTION scene_status vs_cross(scene_model* m, scene_series* it, vs_event* at
     if (vs_is_beyond(it, at)) break;
     distance = fabs(vs_distance(it, at));
     leaves = vs_have_one_sign(vs_distance(it, at), at->side) && distance > last ? leaves + 1 : 0;
-    if (leaves == 4) {
+    if (leaves == 4 || *theta > end) {
       m->now = base;
       *theta = vs_end_without(m, at, whole);
       at->guard = -1;

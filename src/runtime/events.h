@@ -17,6 +17,9 @@ VS_FUNCTION const Real* vs_guard(const scene_series* it, int guard) {
   return it->row[guard < SIGNS ? sign_row[guard] : passage_row[guard - SIGNS]];
 }
 
+/* 1: the guard stays on a jump by all but rounding (vs_note_resting). */
+#define VS_RESTS(it, guard) (it)->mode[SCENE_MODES - SIGNS - TABLES + (guard)]
+
 /* In the place of a guard that is left out: all are searched behind the begin alone. */
 enum { VS_BEHIND_BEGIN = -2 };
 
@@ -168,6 +171,7 @@ VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, dou
   if (points[2] != x[0] &&
       vs_clearance(x, it->order, reach, points[0], points[1]) > vs_stage_rounding(it, x, reach))
     return 0;
+  if (VS_RESTS(it, guard) != 0.0) return 0;
   for (k = 0; k < 3; ++k) {
     if (!isfinite(points[k])) continue;
     if (jumps ? vs_has_died_away(it, x, points[k]) : vs_rests(it, x, reach, points[k])) return 0;

@@ -295,7 +295,9 @@ VS_FUNCTION scene_status vs_make_step(scene_model* m, double left, double* made)
   for (trial = 0; trial < VS_MOST_TRIALS; ++trial) {
     double defect = 0.0, h, part = 0.5;
     int is_met, is_smooth;
-    vs_event at = vs_find_first(m, limit, &theta, &status);
+    vs_event at;
+    if (HAS_SERIES) vs_note_resting(m, theta);
+    at = vs_find_first(m, limit, &theta, &status);
     if (status != SCENE_OK) return status;
     status = vs_pass(m, &at, &theta, &defect, &why, &is_smooth);
     h = theta * vs_series(m)->unit;
