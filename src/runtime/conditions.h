@@ -124,11 +124,15 @@ VS_FUNCTION_RARE double vs_condition_noise(const scene_series* it, int h, int ki
 }
 
 /* An instant, too, is known up to rounding, and with it each derivative. */
-VS_FUNCTION_RARE int vs_is_noise(const scene_series* it, int h, int kind, int n, const Real* c) {
+VS_FUNCTION_RARE double vs_instant_noise(const scene_series* it, int n, const Real* c) {
   const double resolution = 8.0 * DBL_EPSILON * seriesLarger(1.0, it->row[TIME][0]) / it->unit;
+  if (n >= it->order) return 0.0;
+  return resolution * (n + 1) * fabs(c[n + 1]);
+}
+
+VS_FUNCTION_RARE int vs_is_noise(const scene_series* it, int h, int kind, int n, const Real* c) {
   const double size = fabs(c[n]);
-  if (n < it->order && size <= resolution * (n + 1) * fabs(c[n + 1])) return 1;
-  return size <= vs_condition_noise(it, h, kind, n, c);
+  return size <= vs_instant_noise(it, n, c) || size <= vs_condition_noise(it, h, kind, n, c);
 }
 
 /* c = factor x + other y */
@@ -180,7 +184,8 @@ VS_FUNCTION_RARE int vs_scaled_lead(const scene_series* it, int h, int mode, Rea
   }
   vs_lead(it, h, s, mode != s, it->order, c);
   for (n = 0; n <= it->order; ++n) c[n] *= it->size[p] / vs_row_length(it, p);
-  if (fabs(c[0]) > vs_noise(it) * size + vs_torque_noise(it, h, 0)) return 1;
+  size = vs_noise(it) * size + vs_torque_noise(it, h, 0);
+  if (fabs(c[0]) > size + vs_instant_noise(it, 0, c)) return 1;
   VS_SET_VALUE(c[0], 0.0);
   return 0;
 }

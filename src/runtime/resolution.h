@@ -66,6 +66,8 @@ VS_FUNCTION_RARE int vs_is_resolved_in_ranges(const scene_series* it, double the
       size = seriesLarger(fabs(low + range->off), fabs(high - range->off));
     }
     if (!(low <= 0.0 && high >= 0.0)) continue;
+    /* (A kink within so little of its argument is none.) */
+    if (!sign_jumps[i] && size + range->off <= 1e-3 * ABSOLUTE_TOLERANCE) continue;
     /* (A range without an end has no part that is little.) */
     if (!(range->off < INFINITY && range->off <= 1e-6 * size)) return 0;
   }
