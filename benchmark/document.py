@@ -1,5 +1,7 @@
+#!/usr/bin/python3
 """Generated sections of pages, between `<!-- begin generated: NAME -->` and `<!-- end generated -->`,
-and tables of all rows as CSV files beside the pages."""
+and tables of all rows as CSV files beside the pages. As a program: writes what it reads as the
+section NAME of a page: document.py NAME COMMIT PAGE < TABLE"""
 
 import csv
 import pathlib
@@ -36,3 +38,7 @@ def write_section(path, name, section):
     begin = text.index(marker) + len(marker)
     end = text.index(END, begin)
     path.write_text(text[:begin] + "\n\n" + section + "\n" + text[end:])
+
+
+if __name__ == "__main__":
+    write_section(sys.argv[3], sys.argv[1], f"At commit {sys.argv[2]}.\n\n" + sys.stdin.read())

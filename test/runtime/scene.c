@@ -22,6 +22,8 @@ enum {
   HOLDS = SCENE_HOLDS,
   TRANSMITS = 0,
   K = CONSTRAINTS + HOLDS,
+  BLOCKS = 1,
+  GROUPS = 3,
   INPUTS = SCENE_INPUTS,
   VS_STRIDE = SCENE_STRIDE,
   SIZE = S + K,
@@ -109,7 +111,11 @@ static const int sign_row[] = {0}, sign_jumps[] = {0}, passage_row[] = {0}, pass
 static const double* const passage_points[] = {0};
 static const int constant_row[] = {16, 17, 18, 19};
 static const double constant_value[] = {0.0, 1.0, -2.0, 1e-9};
-static const int reads_angle[] = {1, 0};
+static const int entry_place[] = {0, 1}, block_begin[] = {0, 3}, block_shafts[] = {2},
+                 block_unknown[] = {0, 1, 2}, block_matrix[] = {0};
+static const int group_of[] = {-1, -1, 0, 1, 2, -1}, link_begin[] = {0, 2, 4, 7},
+                 linked[] = {0, 2, 1, 2, 0, 1, 2}, place_of[] = {0, 1, 2},
+                 envelope_begin[] = {0, 1, 0}, envelope_end[] = {3, 3, 3};
 static const int shown_row[] = {0,  1,  2,  3,  4,  5,  6,  7,  8,  9,
                                 10, 11, 12, 13, 14, 15, 16, 17, 18, 19};
 enum { WATCHED = 0 };
