@@ -93,51 +93,6 @@ VS_FUNCTION scene_status vs_settle_beyond(scene_model* m, scene_series* it, cons
   return vs_settle(m, it, VS_RESTORES, vs_transmitted(m), 0, 0.0, 25);
 }
 
-/* True where a guard is off a point, at theta, by no more than rounding of what it is made of. */
-VS_FUNCTION_RARE int vs_is_rounding(scene_model* m, scene_series* it, int guard, double point,
-                                    double theta) {
-  const double ulps = 8.0 * DBL_EPSILON;
-  const scene_state base = m->now;
-  double off, moved;
-  int i;
-  vs_go(m, theta);
-  vs_enter_inputs(m, it, 0);
-  vs_enter_state(m, it);
-  m->now = base;
-  off = fabs(vs_guard(it, guard)[0] - point);
-  moved = (double)vs_guard(it, guard)[0];
-  for (i = ANGLE; i < STATE + STATES; ++i) {
-    /* (Modes are no quantities. Of several sizes, lest changes of a difference cancel.) */
-    if (HOLDS && i >= side_row[0] && i < STATE) continue;
-    it->row[i][0] *= 1.0 + (i % 2 ? ulps : -ulps) * (1.0 + 0.3 * (i % 3));
-  }
-  vs_enter_formulas(it);
-  moved = fabs(vs_guard(it, guard)[0] - moved);
-  return off <= 4.0 * (moved + DBL_EPSILON * fabs(point));
-}
-
-/* Finds the guards that stay on a jump up to theta by all but rounding: speeds that a lock couples,
- * the reaction on a shaft without a constraint. They are no events: the formulas go on as at their
- * first value. */
-VS_FUNCTION void vs_note_resting(scene_model* m, double theta) {
-  scene_series* const it = vs_series(m);
-  scene_series* const w = &m->series[1 - m->present];
-  double points[3];
-  int g, k, rests;
-  for (g = 0; g < SIGNS + TABLES; ++g) {
-    const Real* const c = vs_guard(it, g);
-    VS_RESTS(it, g) = 0.0;
-    if (!(g < SIGNS ? sign_jumps[g] : passage_jumps[g - SIGNS])) continue;
-    points[0] = points[1] = points[2] = 0.0;
-    if (g >= SIGNS) vs_find_points(it, g - SIGNS, c[0], &points[0], &points[1], &points[2]);
-    for (k = 0, rests = 0; k < 3 && !rests; ++k) {
-      rests = isfinite(points[k]) && vs_rests(it, c, theta, points[k]) &&
-              vs_is_rounding(m, w, g, points[k], 0.0) && vs_is_rounding(m, w, g, points[k], theta);
-    }
-    VS_RESTS(it, g) = rests;
-  }
-}
-
 /* The guard of a jump that lies between the two, or -1. */
 VS_FUNCTION int vs_lost_side(const scene_series* it, const scene_series* next) {
   double low, high, on;

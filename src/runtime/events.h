@@ -139,8 +139,9 @@ VS_FUNCTION int vs_has_died_away(const scene_series* it, const Real* x, double p
 /* True where a guard stays on a point up to `reach`, but for what rounding and the tolerance make
  * of it: of speeds that a lock or a gear couples, say. Its modes are those of the point there, and
  * its series is noise, which has roots without end. */
-VS_FUNCTION int vs_rests(const scene_series* it, const Real* x, double reach, double point) {
-  const double noise = 1e-3 * vs_tolerance(it, point);
+VS_FUNCTION int vs_rests(const scene_series* it, const Real* x, double reach, double point,
+                         double part) {
+  const double noise = part * vs_tolerance(it, point);
   double sum = fabs(x[0] - point), power = reach;
   int n;
   for (n = 1; n <= it->order && sum <= noise; ++n, power *= reach) sum += fabs(x[n]) * power;
@@ -174,7 +175,8 @@ VS_FUNCTION int vs_may_pass(const scene_series* it, int guard, double reach, dou
   if (VS_RESTS(it, guard) != 0.0) return 0;
   for (k = 0; k < 3; ++k) {
     if (!isfinite(points[k])) continue;
-    if (jumps ? vs_has_died_away(it, x, points[k]) : vs_rests(it, x, reach, points[k])) return 0;
+    if (jumps ? vs_has_died_away(it, x, points[k]) : vs_rests(it, x, reach, points[k], 1e-3))
+      return 0;
   }
   return 1;
 }

@@ -9,7 +9,7 @@ VS_FUNCTION int vs_side_of_event(const scene_model* m, const scene_series* it, i
   double value = c[0];
   if (it->order > 0) value += c[1] * after;
   if (value == 0.0) value = vs_first_sign(c, it->order);
-  if (vs_rests(it, c, seriesLarger(after, m->usual / it->unit), 0.0)) return 0;
+  if (vs_rests(it, c, seriesLarger(after, m->usual / it->unit), 0.0, 1e-3)) return 0;
   return (value > 0.0) - (value < 0.0);
 }
 

@@ -19,6 +19,55 @@ VS_FUNCTION scene_status vs_arrive(scene_model* m, scene_series* next, double un
   return vs_is_finite(next) ? SCENE_OK : SCENE_NOT_FINITE;
 }
 
+/* True where a guard is off a point, at theta, by no more than rounding of what it is made of. */
+VS_FUNCTION_RARE int vs_is_rounding(scene_model* m, int guard, double point, double theta) {
+  scene_series* const next = &m->series[1 - m->present];
+  const double ulps = 8.0 * DBL_EPSILON;
+  const scene_state base = m->now;
+  int i, is_known = 1;
+  double value, moved;
+  if (theta > 0.0) {
+    vs_go(m, theta);
+    vs_settle_implicitly(m, next, theta);
+    is_known = vs_arrive(m, next, vs_series(m)->unit, 0) == SCENE_OK;
+  } else {
+    vs_enter_inputs(m, next, 0);
+    vs_enter_state(m, next);
+  }
+  m->now = base;
+  value = vs_guard(next, guard)[0];
+  for (i = ANGLE; i < STATE + STATES; ++i) {
+    /* (Modes are no quantities. Of several sizes, lest changes of a difference cancel.) */
+    if (HOLDS && i >= side_row[0] && i < STATE) continue;
+    next->row[i][0] *= 1.0 + (i % 2 ? ulps : -ulps) * (1.0 + 0.3 * (i % 3));
+  }
+  vs_enter_formulas(next);
+  moved = fabs(vs_guard(next, guard)[0] - value);
+  return is_known && fabs(value - point) <= 4.0 * (moved + DBL_EPSILON * fabs(point));
+}
+
+/* Finds the guards that stay on a jump up to theta by all but rounding: speeds that a lock couples,
+ * the reaction on a shaft without a constraint. They are no events: the formulas go on as at their
+ * first value. (Stages leave a part of the tolerance of what is to be 0.) */
+VS_FUNCTION void vs_note_resting(scene_model* m, double theta) {
+  scene_series* const it = vs_series(m);
+  const double part = it->method == VS_BY_SERIES ? 1e-3 : 1.0;
+  double points[3];
+  int g, k, n, rests;
+  for (g = 0; g < SIGNS + TABLES; ++g) {
+    const Real* const c = vs_guard(it, g);
+    VS_RESTS(it, g) = 0.0;
+    if (!(g < SIGNS ? sign_jumps[g] : passage_jumps[g - SIGNS])) continue;
+    points[0] = points[1] = points[2] = 0.0;
+    if (g >= SIGNS) vs_find_points(it, g - SIGNS, c[0], &points[0], &points[1], &points[2]);
+    for (k = 0, rests = 0; k < 3 && !rests; ++k) {
+      rests = isfinite(points[k]) && vs_rests(it, c, theta, points[k], part);
+      for (n = 0; n < 3 && rests; ++n) rests = vs_is_rounding(m, g, points[k], 0.5 * n * theta);
+    }
+    VS_RESTS(it, g) = rests;
+  }
+}
+
 /* The error of a step of h s that the last terms do not show, in tolerances: x' at its end beside
  * that of the series, and the accelerations that were found there beside theirs. A kink that the
  * step ends on bends the accelerations, since when they have moved on for `behind` s at most. */
