@@ -64,7 +64,6 @@ class SeriesProgram {
 
  private:
   friend class SeriesCompiler;
-  friend class SeriesStatements;
   friend class variator_sim::MotionRows;
 
   enum class Code : std::uint8_t {

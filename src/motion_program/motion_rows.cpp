@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "motion_program/c_text.h"
-
 namespace variator_sim {
 
 using expression::SeriesProgram;
@@ -31,7 +29,7 @@ void forEachPiece(const std::vector<double>& points, Use use) {
 }  // namespace
 
 MotionRows::MotionRows(const SeriesProgram& program, int series)
-    : SeriesStatements(program), rows_(program.rowCount()) {
+    : program_(program), rows_(program.rowCount()) {
   const std::vector<bool> in_series =
       program.findNeeded({program.outputs_.begin(), program.outputs_.begin() + series});
   for (std::size_t n = 0; n < program.instructions_.size(); ++n) {
@@ -158,104 +156,6 @@ std::vector<expression::SeriesOperation> MotionRows::resolved() const {
     list.push_back(it);
   }
   return list;
-}
-
-// --- C -------------------------------------------------------------------------------------------
-
-std::string MotionRows::number(double value, std::size_t place) const {
-  if (shares_ && !expression::isWrittenOut(value)) return "c[" + std::to_string(place) + "]";
-  return literalOf(value);
-}
-
-std::vector<double> MotionRows::numbers() const {
-  std::vector<double> made;
-  for (const Term& term : program_.terms_) made.push_back(term.factor);
-  for (const Instruction& it : program_.instructions_) made.push_back(it.constant);
-  return made;
-}
-
-std::string MotionRows::mode(const Instruction& it) const {
-  return "s + " + std::to_string(mode_of_state_.at(it.state));
-}
-
-std::string MotionRows::write(const Statement& made) const {
-  const Instruction& it = *made.it;
-  const std::string y = row(it.result);
-  if (made.table < 0) {
-    std::string call = compute(it);
-    if (made.limit < 0) return call;
-    return "if (vs_is_at_limit(" + row(made.limit) + ", " + y + ", n)) " + y +
-           "[n] = 0.0;\n  else " + call;
-  }
-  const bool has_two = it.code == Code::kTable2;
-  const std::string rows = std::to_string(made.rows);
-  const bool ends = it.ends < SeriesProgram::kNoDegree;
-  return (ends ? "if (n <= " + std::to_string(it.ends) + ") " : "") +
-         std::string(has_two ? "vs_look_up_two(r + " : "vs_look_up(" + y + ", r + ") + rows + ", " +
-         row(it.operands[0]) + ", " + (has_two ? row(it.operands[1]) + ", " : "") +
-         (!shares_  ? "&table_"
-          : has_two ? "it->numbers->table_of_two + "
-                    : "it->numbers->table + ") +
-         std::to_string(made.table) + ", s + " + std::to_string(made.mode) + ", a + " +
-         std::to_string(made.piece) + ", n);" +
-         (has_two ? "\n  " + y + "[n] = " + row(made.rows) + "[n];" : "");
-}
-
-std::string MotionRows::writeTable(const DenseTable& table, int index) const {
-  const std::string name = "table_" + std::to_string(index);
-  std::string counts;
-  std::string names;
-  std::string text = "\n/* " + harmless(table.origin) + " */\n";
-  for (std::size_t n = 0; n < table.points.size(); ++n) {
-    const std::string axis = name + "_" + std::string(1, static_cast<char>('x' + n));
-    text += arrayOf("double", axis, table.points[n]);
-    counts += std::to_string(table.points[n].size()) + ", ";
-    names += axis + ", ";
-  }
-  text += arrayOf("double", name + "_pieces", table.pieces);
-  return text + "static const vs_table" + (table.points.size() > 1 ? "_of_two " : " ") + name +
-         " = {" + counts + names + name + "_pieces};\n";
-}
-
-std::string MotionRows::writeCorrections() const {
-  std::string text;
-  for (const int of : accelerations()) {
-    text += "  const Real " + change(of) + " = de[" + std::to_string(of - accelerations().front()) +
-            "];\n  (void)" + change(of) + ";\n";
-  }
-  for (const Statement& made : statements(Part::kTried)) {
-    text += "  " + correct(*made.it, write(made), made.limit < 0) + "\n";
-  }
-  return text;
-}
-
-std::string MotionRows::write(bool shares) const {
-  shares_ = shares;
-  std::string text;
-  for (std::size_t n = 0; n < tables_.size() && !shares; ++n) {
-    text += writeTable(tables_[n], static_cast<int>(n));
-  }
-  const std::string constants =
-      shares ? "  const double *const c = it->numbers->constants;\n  (void)c;\n" : "";
-  const auto add = [&](const char* name, const char* note, const std::string& body,
-                       const std::string& parameter = "") {
-    text += std::string("\n/* ") + note + " */\nVS_INLINE void vs_" + name +
-            "(scene_series *it, int n" + (parameter.empty() ? "" : ", const Real *" + parameter) +
-            ")\n{\n  vs_row *const r = it->row;\n  Real *const s = it->mode;\n  double *const a = "
-            "it->piece;\n  (void)r, (void)s, (void)a, (void)n" +
-            (parameter.empty() ? "" : ", (void)" + parameter) + ";\n" + constants + body + "}\n";
-  };
-  const auto textOf = [this](Part part) {
-    std::string body;
-    for (const Statement& made : statements(part)) body += "  " + write(made) + "\n";
-    return body;
-  };
-  add("given", "Rows that read no acceleration.", textOf(Part::kGiven));
-  add("tried", "Rows with accelerations that constraints read.", textOf(Part::kTried));
-  add("corrected", "These after the accelerations n have changed by de.", writeCorrections(), "de");
-  add("rest", "Other rows with accelerations.", textOf(Part::kRest));
-  add("at_once", "Rows that are read at order 0 only.", textOf(Part::kAtOnce));
-  return text;
 }
 
 }  // namespace variator_sim

@@ -10,16 +10,15 @@
 #include <utility>
 #include <vector>
 
-#include "expression/series_statements.h"
+#include "expression/series_program.h"
 
 namespace variator_sim {
 
-class MotionRows : private expression::SeriesStatements {
+class MotionRows {
  public:
-  using SeriesStatements::Code;
-  using SeriesStatements::hasTwoResults;
-  using SeriesStatements::Instruction;
-  using SeriesStatements::Term;
+  using Code = expression::SeriesProgram::Code;
+  using Instruction = expression::SeriesProgram::Instruction;
+  using Term = expression::SeriesProgram::Term;
 
   /// The function of the runtime that holds a statement: vs_given (no accelerations), vs_tried
   /// (with accelerations, and constraints read it), vs_rest (others with accelerations), vs_at_once
@@ -58,6 +57,9 @@ class MotionRows : private expression::SeriesStatements {
   const expression::SeriesProgram& program() const { return program_; }
   /// Operations of rows that are series, with their modes and pieces here.
   std::vector<expression::SeriesOperation> resolved() const;
+  static bool hasTwoResults(const Instruction& it) {
+    return it.code == Code::kSinCos || it.code == Code::kSinhCosh;
+  }
   int rows() const { return rows_; }
   int modes() const { return modes_; }
   int pieces() const { return pieces_; }
@@ -73,6 +75,9 @@ class MotionRows : private expression::SeriesStatements {
   }
 
  private:
+  class Writer;  // motion_rows_text.cpp
+  using Piece = expression::SeriesProgram::Piece;
+
   void noteGrowth(const Instruction& it);
   Statement make(const Instruction& it);
   /// Returns the index of a table, which is added unless the same is there.
@@ -82,14 +87,7 @@ class MotionRows : private expression::SeriesStatements {
   /// Returns a row by whose overflow the function may stay at a limit, or -1.
   int limitOf(const Instruction& it) const;
 
-  std::string writeTable(const DenseTable& table, int index) const;
-  std::string write(const Statement& statement) const;
-  std::string writeCorrections() const;
-  std::string number(double value, std::size_t place) const override;
-  std::string mode(const Instruction& it) const override;
-
-  mutable bool shares_ = false;  ///< what is being written
-
+  const expression::SeriesProgram& program_;
   std::set<int> grows_;               ///< rows that may overflow by an exp
   std::map<int, int> mode_of_state_;  ///< of branches
   std::map<int, int> piece_of_row_;   ///< of tables and opaque functions
