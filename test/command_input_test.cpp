@@ -16,10 +16,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 CommandInputSettings makeSettings(Hold hold, double parameter, double initial) {
   CommandInputSettings settings;
   settings.hold = hold;
-  settings.time_constant =
-      hold == Hold::kFirstOrderLag || hold == Hold::kSecondOrderLag ? parameter : 0.0;
-  settings.rate = hold == Hold::kRateLimit ? parameter : 0.0;
-  settings.period = hold == Hold::kFirstOrderHold ? parameter : 0.0;
+  settings.hold_parameter = parameter;
   settings.initial = initial;
   return settings;
 }
@@ -62,7 +59,7 @@ TEST(CommandSignal, FirstOrderLagSolvesItsEquation) {
   signal.reset(settings);
   EXPECT_FALSE(signal.command(settings, 2.0, 5.0));
   EXPECT_NE(signal.closed().form, CommandSignal::Closed::kConstant);
-  EXPECT_EQ(signal.segmentEnd(), 2.0 + 50.0 * settings.time_constant);  // arrived, to the last bit
+  EXPECT_EQ(signal.segmentEnd(), 2.0 + 50.0 * settings.hold_parameter);  // arrived, to the last bit
   EXPECT_EQ(signal.target(), 5.0);
   EXPECT_EQ(signal.at(2.0).value, 1.0);
   EXPECT_DOUBLE_EQ(signal.at(2.0).rate, 20.0);
@@ -88,7 +85,7 @@ TEST(CommandSignal, SecondOrderLagSolvesItsEquationAndKeepsItsRate) {
   EXPECT_EQ(signal.at(1.0).second_rate, 0.0);
   EXPECT_FALSE(signal.command(settings, 2.0, 5.0));
   EXPECT_NE(signal.closed().form, CommandSignal::Closed::kConstant);
-  EXPECT_EQ(signal.segmentEnd(), 2.0 + 50.0 * settings.time_constant);
+  EXPECT_EQ(signal.segmentEnd(), 2.0 + 50.0 * settings.hold_parameter);
   EXPECT_EQ(signal.at(2.0).value, 1.0);
   EXPECT_EQ(signal.at(2.0).rate, 0.0);
   EXPECT_DOUBLE_EQ(signal.at(2.0).second_rate, 4.0 / (tau * tau));

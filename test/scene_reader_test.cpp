@@ -235,7 +235,7 @@ TEST(SceneReader, ReadsEveryInputSetting) {
       "hold: first_order_lag, time_constant: 0.2, initial: 3, min: -5, max: 5, timeout: 1, "
       "on_timeout: zero");
   EXPECT_EQ(lag.hold, Hold::kFirstOrderLag);
-  EXPECT_EQ(lag.time_constant, 0.2);
+  EXPECT_EQ(lag.hold_parameter, 0.2);
   EXPECT_EQ(lag.initial, 3.0);
   EXPECT_EQ(lag.minimum, -5.0);
   EXPECT_EQ(lag.maximum, 5.0);
@@ -243,10 +243,10 @@ TEST(SceneReader, ReadsEveryInputSetting) {
   EXPECT_EQ(lag.on_timeout, OnTimeout::kZero);
   const CommandInputSettings ramp = input("hold: rate_limit, rate: 7");
   EXPECT_EQ(ramp.hold, Hold::kRateLimit);
-  EXPECT_EQ(ramp.rate, 7.0);
+  EXPECT_EQ(ramp.hold_parameter, 7.0);
   const CommandInputSettings line = input("hold: first_order_hold, period: 0.1");
   EXPECT_EQ(line.hold, Hold::kFirstOrderHold);
-  EXPECT_EQ(line.period, 0.1);
+  EXPECT_EQ(line.hold_parameter, 0.1);
 }
 
 TEST(SceneReader, RefusesOneInputTooMany) {

@@ -831,7 +831,7 @@ TEST(InputValue, IsLimitedToItsRange) {
   EXPECT_EQ(narrow.maximum, 0.9);
   EXPECT_EQ(narrow.initial, 0.5);
   EXPECT_EQ(narrow.hold, Hold::kRateLimit);
-  EXPECT_EQ(narrow.rate, 3.0);
+  EXPECT_EQ(narrow.hold_parameter, 3.0);
   const CommandInputSettings voltage =
       test::sceneFromText(sceneOf("type: variator_sim/MotorCurve, shaft: load, characteristic: dc, "
                                   "torque_constant: 1, resistance: 1, voltage: {topic: a}"))

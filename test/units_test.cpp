@@ -85,8 +85,8 @@ TEST(Units, AreTakenWhereKeysDeclareThem) {
   EXPECT_DOUBLE_EQ(scene.initial.velocity[1], 50.0 * kPi);
   EXPECT_DOUBLE_EQ(scene.initial.angle[0], 0.5 * kPi);
   EXPECT_DOUBLE_EQ(scene.initial.angle[1], 2.0 * kPi);
-  EXPECT_EQ(scene.inputs[0].time_constant, 0.1);
-  EXPECT_EQ(scene.inputs[1].rate, 50.0);
+  EXPECT_EQ(scene.inputs[0].hold_parameter, 0.1);
+  EXPECT_EQ(scene.inputs[1].hold_parameter, 50.0);
   EXPECT_EQ(scene.inputs[1].initial, 2.0);
   EXPECT_EQ(scene.inputs[1].maximum, 1000.0);
   Simulation simulation(scene);

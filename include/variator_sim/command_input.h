@@ -38,9 +38,8 @@ struct CommandInputSettings {
   std::string name;        ///< the input's name in the scene: the topic, unless it has its own
   std::string owner;       ///< name of the torque or constraint that reads it
   Hold hold = Hold::kZeroOrder;
-  double time_constant = 0.0;                                 ///< tau of the lags, s
-  double rate = 0.0;                                          ///< of kRateLimit, unit of u per s
-  double period = 0.0;                                        ///< of kFirstOrderHold, s
+  /// tau of the lags, s; |u'| of kRateLimit, unit of u per s; the period of kFirstOrderHold, s.
+  double hold_parameter = 0.0;
   double initial = 0.0;                                       ///< u before the first command
   double minimum = -std::numeric_limits<double>::infinity();  ///< commands are clamped
   double maximum = std::numeric_limits<double>::infinity();
@@ -69,16 +68,18 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
 /// u(t) since the last command: one closed form between two events.
 class CommandSignal {
  public:
+  /// The closed form, as the texts of the runtime have it (signals.h).
   struct Closed {
-    enum Form { kConstant, kRamp, kExponential, kCritical };  ///< numbered as in runtime/inputs.h
-    Form form = kConstant;
+    enum Form : int { kConstant, kRamp, kExponential, kCritical };  ///< numbered as there
+    int form = kConstant;
     double start = 0.0;
     double target = 0.0;
     double slope = 0.0;        ///< of kRamp
     double inverse_tau = 0.0;  ///< of kExponential and kCritical
     double linear = 0.0;       ///< of kCritical: b of u = target + (a + b x) exp(-x)
-    double since = 0.0;
-    double end = std::numeric_limits<double>::infinity();
+    double age = 0.0;          ///< s since the command, at the origin of time
+    double end = std::numeric_limits<double>::infinity();  ///< the age at which it ends, s
+    const double* piece = nullptr;                         ///< of delayed formulas, none of here
   };
   const Closed& closed() const { return it_; }
 
@@ -91,7 +92,7 @@ class CommandSignal {
   bool command(const CommandInputSettings& settings, double time, double value,
                double resolution = 0.0);
   /// Moves the origin of time `by` seconds later.
-  void moveOrigin(double by);
+  void moveOrigin(double by) { it_.age += by; }
 
   /// u, u' and u'' at one instant.
   struct Moment {
@@ -102,7 +103,7 @@ class CommandSignal {
   /// Returns u and its rates at `time`, at or after the last event. [loop]
   Moment at(double time) const;
   /// Returns the end of the current closed form (a ramp or a lag arrives), or infinity.
-  double segmentEnd() const { return it_.end; }
+  double segmentEnd() const { return it_.end - it_.age; }
   /// Moves past `segmentEnd()`: u stays at its target from there.
   void finishSegment();
   double target() const { return it_.target; }
@@ -113,10 +114,6 @@ class CommandSignal {
   static CommandSignal fromTree(ParameterReader& reader, const CommandInputSettings& settings);
 
  private:
-  /// Sets the form of the way from the start value to the target by the hold of `settings`, and
-  /// returns how long it takes, s; 0: the constant u of a jump.
-  double setForm(const CommandInputSettings& settings);
-
   Closed it_;
 };
 

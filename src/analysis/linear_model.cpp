@@ -172,7 +172,7 @@ class Linearizer {
       if (input.hold == Hold::kSecondOrderLag) {
         state_variables_.push_back(layout_.inputRate(i));
         // (tau d/dt + 1)^2 u = command
-        const double tau = input.time_constant;
+        const double tau = input.hold_parameter;
         v_(layout_.inputSecondRate(i)) =
             (point_.command[at(i)] - point_.input[at(i)] - 2.0 * tau * point_.input_rate[at(i)]) /
             (tau * tau);
@@ -187,7 +187,7 @@ class Linearizer {
     for (int i = 0; i < U; ++i) {
       const int state = stateOf(layout_.input(i));
       const int rate_state = stateOf(layout_.inputRate(i));
-      const double tau = scene_.inputs[at(i)].time_constant;
+      const double tau = scene_.inputs[at(i)].hold_parameter;
       if (scene_.inputs[at(i)].kind == InputKind::kState) continue;
       if (state < 0) {
         chain_(layout_.input(i), n + i) = 1.0;

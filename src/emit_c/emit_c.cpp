@@ -23,19 +23,9 @@ namespace fs = std::filesystem;
 
 std::string holdOf(const CommandInputSettings& input) {
   std::string text = toString(input.hold);
-  switch (input.hold) {
-    case Hold::kZeroOrder:
-      break;
-    case Hold::kFirstOrderLag:
-    case Hold::kSecondOrderLag:
-      text += ", " + formatReal(input.time_constant) + " s";
-      break;
-    case Hold::kRateLimit:
-      text += ", " + formatReal(input.rate) + " per s";
-      break;
-    case Hold::kFirstOrderHold:
-      text += ", " + formatReal(input.period) + " s";
-      break;
+  if (input.hold != Hold::kZeroOrder) {
+    text += ", " + formatReal(input.hold_parameter) +
+            (input.hold == Hold::kRateLimit ? " per s" : " s");
   }
   if (input.timeout > 0.0) {
     text += std::string("; ") + (input.on_timeout == OnTimeout::kZero ? "0" : "held") + " after " +

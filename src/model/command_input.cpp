@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "expression/characters.h"
+#include "expression/series_dot.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {
@@ -25,8 +26,12 @@ constexpr std::array<HoldName, 5> kHolds{
      {"first_order_hold", Hold::kFirstOrderHold, "period"},
      {"second_order_lag", Hold::kSecondOrderLag, "time_constant"}}};
 
-/// Time constants after which a lag has arrived: exp(-50) of the way is less than any rounding.
-constexpr double kSettled = 50.0;
+// NOLINTBEGIN: a text of the runtime
+using scene_signal = CommandSignal::Closed;
+using namespace expression::plain;
+using expression::VS_STRIDE;
+#include "runtime/signals.h"
+// NOLINTEND
 
 /// True for a relative graph name: letters, digits and underscores, joined by single slashes.
 bool isRelativeTopic(const std::string& topic) {
@@ -127,19 +132,10 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
 
   const HoldName& hold = readHold(reader);
   settings.hold = hold.hold;
-  switch (hold.hold) {
-    case Hold::kZeroOrder:
-      break;
-    case Hold::kFirstOrderLag:
-    case Hold::kSecondOrderLag:
-      settings.time_constant = reader.number(hold.own_key, Range::positive("s"));
-      break;
-    case Hold::kRateLimit:
-      settings.rate = reader.number(hold.own_key, Range::positive(unit.empty() ? "" : unit + "/s"));
-      break;
-    case Hold::kFirstOrderHold:
-      settings.period = reader.number(hold.own_key, Range::positive("s"));
-      break;
+  if (hold.hold != Hold::kZeroOrder) {
+    const std::string of_rate = unit.empty() ? "" : unit + "/s";
+    settings.hold_parameter =
+        reader.number(hold.own_key, Range::positive(hold.hold == Hold::kRateLimit ? of_rate : "s"));
   }
 
   // Absent limits are infinite; written ones must be finite.
@@ -173,89 +169,39 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
 }
 
 void CommandSignal::reset(const CommandInputSettings& settings) {
-  it_ = {};
-  it_.start = it_.target = settings.initial;
+  vs_hold_constant(&it_, settings.initial);
 }
 
 bool CommandSignal::command(const CommandInputSettings& settings, double time, double value,
                             double resolution) {
-  const auto [present, present_rate, second_rate] = at(time);
-  it_ = {};
-  it_.since = time;
-  it_.start = present;
-  it_.target = value;
-  const bool goes_on = settings.hold == Hold::kSecondOrderLag && present_rate != 0.0;
-  if (value == present && !goes_on) return false;
-  const double duration = setForm(settings);
-  if (time + duration > time && duration > resolution) {
-    // b = a + tau u' gives the rate at x = 0.
-    if (it_.form == Closed::kCritical) {
-      it_.linear = present - value + settings.time_constant * present_rate;
-    }
-    it_.end = time + duration;
-    return false;
+  it_.age += time;
+  const double before = at(0.0).value;
+  bool jumps =
+      vs_command_signal(&it_, static_cast<int>(settings.hold), settings.hold_parameter, value) != 0;
+  if (it_.form != Closed::kConstant && !(time + it_.end > time && it_.end > resolution)) {
+    // The remainder of a ramp shorter than the resolution of time.
+    finishSegment();
+    jumps = value != before;
   }
-  // A jump, or the remainder of a ramp shorter than the resolution of time.
-  finishSegment();
-  return value != present;
-}
-
-double CommandSignal::setForm(const CommandInputSettings& settings) {
-  const double way = it_.target - it_.start;
-  switch (settings.hold) {
-    case Hold::kZeroOrder:
-      break;
-    case Hold::kFirstOrderLag:
-    case Hold::kSecondOrderLag:
-      it_.form = settings.hold == Hold::kFirstOrderLag ? Closed::kExponential : Closed::kCritical;
-      it_.inverse_tau = 1.0 / settings.time_constant;
-      return kSettled * settings.time_constant;
-    case Hold::kRateLimit:
-      it_.form = Closed::kRamp;
-      it_.slope = way > 0.0 ? settings.rate : -settings.rate;
-      return way / it_.slope;
-    case Hold::kFirstOrderHold:
-      it_.form = Closed::kRamp;
-      it_.slope = way / settings.period;
-      return settings.period;
-  }
-  return 0.0;
+  it_.age = -time;
+  return jumps;
 }
 
 CommandSignal::Moment CommandSignal::at(double time) const {
-  switch (it_.form) {
-    case Closed::kConstant:
-      break;
-    case Closed::kExponential:  // b = 0
-    case Closed::kCritical: {
-      // u = target + (a + b x) exp(-x), x = (t - start) / tau
-      const double x = (time - it_.since) * it_.inverse_tau;
-      const double a = it_.start - it_.target;
-      const double decay = std::expm1(-x);
-      const double factor = 1.0 + decay;
-      const double rate = factor * it_.inverse_tau;
-      return {it_.start + a * decay + it_.linear * x * factor,
-              (it_.linear - a - it_.linear * x) * rate,
-              it_.form == Closed::kCritical
-                  ? (a - 2.0 * it_.linear + it_.linear * x) * it_.inverse_tau * rate
-                  : 0.0};
-    }
-    case Closed::kRamp: {
-      const double rate = time <= it_.end ? it_.slope : 0.0;
-      if (time >= it_.end) return {it_.target, rate, 0.0};
-      const double u = it_.start + it_.slope * (time - it_.since);
-      return {it_.slope > 0.0 ? std::min(u, it_.target) : std::max(u, it_.target), rate, 0.0};
-    }
-  }
-  return {it_.start, 0.0, 0.0};
+  Closed aged = it_;
+  // (Rounding may leave the age at the end short of it.)
+  aged.age = time < segmentEnd() ? it_.age + time : it_.end;
+  double u[3];
+  vs_expand_input(&aged, 1.0, 2, u);
+  return {u[0], u[1], aged.form == Closed::kCritical ? 2.0 * u[2] : 0.0};
 }
 
 ParameterTree CommandSignal::toTree() const {
   ParameterTree::Dictionary tree{{"value", ParameterTree::real(it_.start)}};
   if (it_.form != Closed::kConstant) {
-    tree["since"] = ParameterTree::real(it_.since);
+    tree["since"] = ParameterTree::real(-it_.age);
     tree["target"] = ParameterTree::real(it_.target);
-    tree["until"] = ParameterTree::real(it_.end);
+    tree["until"] = ParameterTree::real(segmentEnd());
   }
   if (it_.form == Closed::kCritical) tree["linear"] = ParameterTree::real(it_.linear);
   return ParameterTree::dictionary(std::move(tree));
@@ -264,44 +210,37 @@ ParameterTree CommandSignal::toTree() const {
 CommandSignal CommandSignal::fromTree(ParameterReader& reader,
                                       const CommandInputSettings& settings) {
   CommandSignal signal;
+  Closed& it = signal.it_;
   const Range limits = Range::between(settings.minimum, settings.maximum);
   const bool is_moving = settings.hold != Hold::kZeroOrder && reader.has("target");
-  signal.it_.start = reader.number("value", is_moving ? Range::any() : limits);
-  signal.it_.target = signal.it_.start;
+  it.start = reader.number("value", is_moving ? Range::any() : limits);
+  it.target = it.start;
   if (!is_moving) return signal;
-  signal.it_.target = reader.number("target", limits);
+  it.target = reader.number("target", limits);
   Range past;
   past.maximum = 0.0;
-  signal.it_.since = reader.number("since", past);
-  signal.it_.end = reader.number("until", Range::atLeast(signal.it_.since));
-  const double way = signal.it_.target - signal.it_.start;
-  const double duration = signal.setForm(settings);
-  if (signal.it_.form == Closed::kCritical) signal.it_.linear = reader.number("linear");
+  const double since = reader.number("since", past);
+  const double until = reader.number("until", Range::atLeast(since));
+  vs_set_form(&it, static_cast<int>(settings.hold), settings.hold_parameter);
+  it.age = -since;
+  if (it.form == Closed::kCritical) it.linear = reader.number("linear");
   // Saved times are a few roundings off. A value that arrives at another time than 'until' would
   // stand still while its rate does not.
-  const double end = signal.it_.since + duration;
-  const double rounding = 1e-9 * (duration + std::abs(signal.it_.since));
-  if (!(duration > 0.0) || !std::isfinite(way) || !(std::abs(signal.it_.end - end) <= rounding)) {
+  const double rounding = 1e-9 * (it.end + std::abs(since));
+  if (!(it.end > 0.0) || !std::isfinite(it.target - it.start) ||
+      !(std::abs(until - signal.segmentEnd()) <= rounding)) {
     throw reader.error(
-        "until", formatNumber(signal.it_.end) +
+        "until", formatNumber(until) +
                      " s contradicts 'value', 'target' and 'since': by this input's hold (" +
-                     toString(settings.hold) + ") the way from " + formatNumber(signal.it_.start) +
-                     " to " + formatNumber(signal.it_.target) + " ends at " + formatNumber(end) +
+                     toString(settings.hold) + ") the way from " + formatNumber(it.start) + " to " +
+                     formatNumber(it.target) + " ends at " + formatNumber(signal.segmentEnd()) +
                      " s; allowed: that time, or 'value' alone for an input that stands still");
   }
   return signal;
 }
 
-void CommandSignal::moveOrigin(double by) {
-  it_.since -= by;
-  it_.end -= by;
-}
-
 void CommandSignal::finishSegment() {
-  it_.form = Closed::kConstant;
-  it_.start = it_.target;
-  it_.slope = 0.0;
-  it_.end = std::numeric_limits<double>::infinity();
+  vs_hold_constant(&it_, it_.target);
 }
 
 }  // namespace variator_sim

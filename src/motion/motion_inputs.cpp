@@ -37,7 +37,7 @@ void MotionInputs::describe(vs_exchanged_signal* to) const {
   for (int i = 0; i < count(); ++i) {
     const CommandSignal::Closed from = signal_[i].closed();
     to[i] = {from.form,        from.start,  from.target, from.slope,
-             from.inverse_tau, from.linear, -from.since, from.end - from.since};
+             from.inverse_tau, from.linear, from.age,    from.end};
   }
 }
 

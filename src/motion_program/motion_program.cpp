@@ -365,9 +365,7 @@ void MotionProgram::listEntries(const expression::Graph& graph) {
 void MotionProgram::setInputs(const Scene& scene) {
   for (const CommandInputSettings& it : scene.inputs) {
     hold_of.values.push_back(static_cast<int>(it.hold));
-    parameter_of.values.push_back(it.hold == Hold::kRateLimit        ? it.rate
-                                  : it.hold == Hold::kFirstOrderHold ? it.period
-                                                                     : it.time_constant);
+    parameter_of.values.push_back(it.hold_parameter);
     initial_input.values.push_back(it.initial);
     minimum_of.values.push_back(it.minimum);
     maximum_of.values.push_back(it.maximum);

@@ -1,7 +1,7 @@
 /* The data that a program which keeps the state of a motion itself exchanges with the runtime at
  * each step. */
 
-/* The closed form of an input, as scene_signal has it (inputs.h). */
+/* The closed form of an input, as scene_signal has it (signals.h). */
 typedef struct {
   int form; /* 0 constant, 1 ramp, 2 exponential, 3 critical */
   SCENE_REAL start, target, slope, inverse_tau, linear, age, end;
@@ -14,7 +14,7 @@ typedef struct {
 } vs_exchanged_hold;
 
 /* The past of a delayed formula: a ring of the polynomials of steps, the oldest one first. A piece
- * is VS_PIECE doubles and its coefficients (inputs.h). */
+ * is VS_PIECE doubles and its coefficients (signals.h). */
 typedef struct {
   double* pieces;
   int stride, capacity; /* doubles of a piece; pieces */

@@ -177,6 +177,8 @@ static Real vs_hides(const scene_series* it, const Real* powers, int last) {
 
 #include "runtime/radau_tables.h"
 /* */
+#include "runtime/signals.h"
+/* */
 #include "runtime/inputs.h"
 /* */
 #include "runtime/algebra.h"
