@@ -1,10 +1,8 @@
 #include "variator_sim/expression/guards.h"
 
 #include <algorithm>
-#include <cstddef>
 #include <map>
 #include <set>
-#include <stdexcept>
 #include <tuple>
 #include <utility>
 
@@ -13,15 +11,6 @@
 namespace variator_sim {
 namespace expression {
 namespace {
-
-/// Limits steps: a switching function repeats its operands, so nested ones could fill any memory.
-void count(Graph& graph, Node node) {
-  constexpr std::size_t kMostSteps = 500000;
-  if (graph.countGuardSteps(graph.listReachable({node}).size(), kMostSteps)) return;
-  throw std::length_error(
-      "in the scene's formulas abs, min, max, sign, clamp, if and tables stand too often within "
-      "each other");
-}
 
 /// A function with branches, as formulas write it. Functions that jump come last.
 struct Branching {
@@ -82,14 +71,12 @@ std::vector<Branch> findBranches(Graph& graph, const std::vector<Node>& nodes) {
 }
 
 std::size_t countSwitchingFunctions(Graph& graph, const std::vector<Node>& nodes) {
-  std::vector<Node> arguments;
-  for (const Branch& it : findBranches(graph, nodes)) arguments.push_back(it.argument);
-  for (const Passage& it : findPassages(graph, nodes)) {
-    const bool is_smooth_in_time = isTime(graph.entry(it.argument)) && it.smoothness == 3;
-    if (!is_smooth_in_time) arguments.push_back(it.argument);
-  }
-  for (const Node argument : arguments) count(graph, argument);
-  return arguments.size();
+  const std::vector<Passage> passages = findPassages(graph, nodes);
+  const auto switches = [&](const Passage& it) {
+    return !isTime(graph.entry(it.argument)) || it.smoothness != 3;
+  };
+  return findBranches(graph, nodes).size() +
+         static_cast<std::size_t>(std::count_if(passages.begin(), passages.end(), switches));
 }
 
 }  // namespace expression

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <stdexcept>
 #include <utility>
 
 #include "laws/guarded_function.h"
@@ -195,11 +194,7 @@ void Law::configure(ComponentContext& context) {
   build(law);
   holdings_ = law.holdings();
   derive(law, context);
-  try {
-    switching_functions_ = expression::countSwitchingFunctions(*graph_, formulas_);
-  } catch (const std::length_error& error) {  // they stand too often within each other
-    throw SceneError(law.place(), error.what());
-  }
+  switching_functions_ = expression::countSwitchingFunctions(*graph_, formulas_);
   outputs_ = NamedOutputs(law);
 }
 

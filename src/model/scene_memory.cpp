@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 #include "model/scene_readers.h"
 #include "variator_sim/expression/guards.h"
@@ -48,14 +47,11 @@ Node readSwitching(ComponentContext& context, const char* key) {
   Graph& graph = *context.graph();
   const Node node = readFormula(context, key, FormulaKind::kOutput, graph);
   constexpr std::size_t kMostEdges = 500;
-  try {
-    const std::size_t edges = expression::findBranches(graph, {node}).size();
-    if (edges <= kMostEdges) return node;
-    throw std::length_error("abs, min, max, sign, clamp and if make " + std::to_string(edges) +
-                            " edges; allowed: " + std::to_string(kMostEdges) + " at most");
-  } catch (const std::length_error& error) {
-    throw context.parameters().error(key, error.what());
-  }
+  const std::size_t edges = expression::findBranches(graph, {node}).size();
+  if (edges <= kMostEdges) return node;
+  throw context.parameters().error(
+      key, "abs, min, max, sign, clamp and if make " + std::to_string(edges) +
+               " edges; allowed: " + std::to_string(kMostEdges) + " at most");
 }
 
 // --- pid -----------------------------------------------------------------------------------------

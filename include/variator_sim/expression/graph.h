@@ -163,10 +163,6 @@ class Graph {
   int mostOperands() const { return most_operands_; }
   /// Counts an operand that stands in a formula; false when there are too many.
   bool countOperand() { return ++operands_ <= most_operands_; }
-  /// The same for the total number of steps of switching functions.
-  bool countGuardSteps(std::size_t steps, std::size_t most) {
-    return (guard_steps_ += steps) <= most;
-  }
   /// Counts an element that holds and returns its number, from 0.
   int countHold() { return holds_++; }
   /// Number of nodes; all indices are below it.
@@ -235,7 +231,6 @@ class Graph {
   std::map<std::pair<int, double>, Derivatives> partials_;  ///< by slot and scale
   int operands_ = 0;                                        ///< operands of formulas as written
   int most_operands_ = std::numeric_limits<int>::max();
-  std::size_t guard_steps_ = 0;
   int holds_ = 0;
 };
 

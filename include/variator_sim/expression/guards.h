@@ -26,7 +26,7 @@ struct Passage {
 std::vector<Passage> findPassages(const Graph& graph, const std::vector<Node>& nodes);
 
 /// Returns the number of switching functions of `nodes`: their branches and passages, but of smooth
-/// tables over the time. Throws std::length_error where they stand too often within each other.
+/// tables over the time.
 std::size_t countSwitchingFunctions(Graph& graph, const std::vector<Node>& nodes);
 
 }  // namespace variator_sim::expression
