@@ -43,7 +43,7 @@ class OdeintScheme : public ExplicitScheme {
 
   static auto derivativeOf(const ExplicitStep& step) {
     return [&step](const StateValues& x, StateValues& dxdt, double t) {
-      step.motion->calc(t, x.data(), dxdt.data());
+      (*step.slope_at)(t, x.data(), dxdt.data());
     };
   }
   static double* at(const ExplicitStep& step, int node) {
@@ -91,12 +91,12 @@ class Rk4 final : public OdeintScheme<odeint::runge_kutta4<StateValues>> {
   double make(const ExplicitStep& step) override {
     begin(step);
     auto derivative = [this, &step](const StateValues& x, StateValues& dxdt, double t) {
-      step.motion->calc(t, x.data(), dxdt.data());
+      (*step.slope_at)(t, x.data(), dxdt.data());
       last_ = dxdt;  // k2, k3, k4
     };
     scheme_.do_step(std::ref(derivative), x_, dxdt_, 0.0, end_, step.h);
     std::copy(end_.begin(), end_.end(), at(step, step.nodes - 1));
-    step.motion->calc(step.h, end_.data(), error_.data());
+    (*step.slope_at)(step.h, end_.data(), error_.data());
     for (std::size_t n = 0; n < x_.size(); ++n) error_[n] = step.h / 6.0 * (last_[n] - error_[n]);
     stepToNodes(step);
     return errorOf(step);

@@ -1,20 +1,15 @@
 /// Explicit Runge-Kutta schemes of Boost.Odeint for the steps of a motion (explicit_motion.inc).
 #pragma once
 
+#include <functional>
 #include <memory>
 
 #include "motion_program/motion_program.h"
 
 namespace variator_sim {
 
-/// The slope x' of a state, `at` s behind the start of a step. NaN where there is none.
-class SlopeOfMotion {
- public:
-  virtual void calc(double at, const double* x, double* slope) = 0;
-
- protected:
-  ~SlopeOfMotion() = default;
-};
+/// Writes the slope x' of a state, `at` s behind the start of a step. NaN where there is none.
+using SlopeOfMotion = std::function<void(double at, const double* x, double* slope)>;
 
 /// A step of h s from the state x with the slope x', and the nodes, parts of h, at which states are
 /// asked for: the last is the end.
@@ -27,7 +22,7 @@ struct ExplicitStep {
   int nodes;
   const double* node;
   double* at_node;  ///< nodes x size
-  SlopeOfMotion* motion;
+  const SlopeOfMotion* slope_at;
 };
 
 /// Its functions are [loop].
