@@ -9,8 +9,7 @@
 namespace variator_sim::expression {
 
 void SeriesCompiler::compile(const std::vector<Node>& trial, const std::vector<Node>& others,
-                             const std::vector<int>& slots, int order) {
-  if (order > made_.order()) throw std::invalid_argument("an order beyond the rows");
+                             const std::vector<int>& slots) {
   for (const int slot : slots) {
     const bool is_acceleration = sourceOf(slot) == Source::kAcceleration;
     // Multipliers, in the slots of jerks and of elements that hold, are found with the
@@ -237,9 +236,8 @@ void SeriesCompiler::findPlaces() {
 }
 
 SeriesProgram::SeriesProgram(const Graph& graph, const std::vector<Node>& trial,
-                             const std::vector<Node>& others, const std::vector<int>& slots,
-                             int order) {
-  SeriesCompiler(graph, *this).compile(trial, others, slots, order);
+                             const std::vector<Node>& others, const std::vector<int>& slots) {
+  SeriesCompiler(graph, *this).compile(trial, others, slots);
 }
 
 }  // namespace variator_sim::expression

@@ -19,7 +19,7 @@ class SeriesCompiler {
   SeriesCompiler(const Graph& graph, SeriesProgram& program) : graph_(graph), made_(program) {}
 
   void compile(const std::vector<Node>& trial, const std::vector<Node>& others,
-               const std::vector<int>& slots, int order);
+               const std::vector<int>& slots);
 
  private:
   using Code = SeriesProgram::Code;

@@ -40,13 +40,11 @@ class SeriesProgram {
   static constexpr int kStride = 36;
 
   SeriesProgram() = default;
-  /// Makes rows of coefficients 0 to `order` for `trial`, then `others`, and for the variables in
-  /// `slots`, which have to be all that occur.
+  /// Makes rows for `trial`, then `others`, and for the variables in `slots`, which have to be all
+  /// that occur.
   SeriesProgram(const Graph& graph, const std::vector<Node>& trial, const std::vector<Node>& others,
-                const std::vector<int>& slots, int order);
+                const std::vector<int>& slots);
 
-  /// The largest order.
-  int order() const { return kStride - kPad - 1; }
   /// The row of output n.
   int output(int n) const { return outputs_[static_cast<std::size_t>(n)]; }
   /// True when the row depends on an acceleration.
@@ -98,7 +96,6 @@ class SeriesProgram {
     int degree[2] = {};  ///< of the remaining polynomial
   };
 
-  static constexpr int kPad = 4;
   static constexpr int kNoDegree = 1 << 20;
 
   std::vector<int> rowsReadBy(const Instruction& it) const;

@@ -115,7 +115,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   const std::vector<Node> others(outputs_.begin() + static_cast<std::ptrdiff_t>(trial.size()),
                                  outputs_.end());
   try {
-    return {*scene.graph, trial, others, listSlots(scene), SCENE_ORDER};
+    return {*scene.graph, trial, others, listSlots(scene)};
   } catch (const std::invalid_argument& error) {
     throw SceneError("", std::string("its formulas have ") + error.what());
   }
