@@ -136,7 +136,8 @@ class Linearizer {
     model.time = point_.time;
     nameModel(model);
     const MatrixXd B1_rate = calcFeedthroughRate();
-    const MatrixXd outputs = rows.bottomRows(formulas_.outputs);
+    const auto output_count = static_cast<Eigen::Index>(formulas_.outputs.size());
+    const MatrixXd outputs = rows.bottomRows(output_count);
     model.A = rates.leftCols(n);
     model.B = model.A * feedthrough_ + rates.middleCols(n, U) - B1_rate;
     model.C = outputs.leftCols(n);
@@ -154,7 +155,7 @@ class Linearizer {
     model.B = chooseColumns(model.B, commanded);
     model.D = chooseColumns(model.D, commanded);
     model.u = chooseRows(model.u, commanded);
-    model.y = values.tail(formulas_.outputs);
+    model.y = values.tail(output_count);
     if (form == LinearForm::kMinimal) keepToManifold(calcManifoldRows(rows, variables), model);
     return model;
   }
@@ -342,7 +343,7 @@ class Linearizer {
       model.notes.push_back("accelerations as states are less what they jump by with " + jumps +
                             "; as outputs they are whole");
     }
-    model.outputs = outputNames(scene_);
+    model.outputs = formulas_.outputs;
     for (const Output& output : scene_.outputs) {
       if (!output.readsPrinciple()) continue;
       model.notes.push_back("the output " + inQuotes(output.name()) +

@@ -97,7 +97,7 @@ void refuseHeldTorques(MotionEquations& equations, const Scene& scene, Node node
 void addOutputs(MotionEquations& equations, const Scene& scene, ModelFormulas& formulas) {
   const VariableLayout& layout = equations.layout();
   std::vector<Node>& all = formulas.all;
-  const std::size_t before = all.size();
+  formulas.outputs = shaftQuantities(scene);
   for (int i = 0; i < layout.S; ++i) {
     for (const int variable : {layout.angle(i), layout.velocity(i), layout.acceleration(i)}) {
       all.push_back(equations.variable(variable));
@@ -109,8 +109,8 @@ void addOutputs(MotionEquations& equations, const Scene& scene, ModelFormulas& f
     if (output.readsPrinciple()) continue;
     all.push_back(equations.inModes(output.node()));
     refuseHeldTorques(equations, scene, all.back(), output.name());
+    formulas.outputs.push_back("outputs/" + output.name());
   }
-  formulas.outputs = static_cast<int>(all.size() - before);
 }
 
 }  // namespace
@@ -145,14 +145,6 @@ std::vector<std::string> shaftQuantities(const Scene& scene) {
          {"/angle", "/velocity", "/acceleration", "/applied_torque", "/reaction_torque"}) {
       names.push_back(shaft + what);
     }
-  }
-  return names;
-}
-
-std::vector<std::string> outputNames(const Scene& scene) {
-  std::vector<std::string> names = shaftQuantities(scene);
-  for (const Output& output : scene.outputs) {
-    if (!output.readsPrinciple()) names.push_back("outputs/" + output.name());
   }
   return names;
 }

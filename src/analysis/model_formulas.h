@@ -20,11 +20,11 @@ MotionKind kindOf(const Scene& scene);
 /// `all` holds E, then as many rows of each kind as the counts say.
 struct ModelFormulas {
   std::vector<expression::Node> all;
-  std::vector<int> unknowns;  ///< y, variables, as many as E has formulas
-  int velocity_rows = 0;      ///< f
-  int acceleration_rows = 0;  ///< f', psi; where the accelerations are states
-  int conserved_rows = 0;     ///< parts of R that no constraint can change
-  int outputs = 0;            ///< outputs of the model, in the order of outputNames
+  std::vector<int> unknowns;         ///< y, variables, as many as E has formulas
+  int velocity_rows = 0;             ///< f
+  int acceleration_rows = 0;         ///< f', psi; where the accelerations are states
+  int conserved_rows = 0;            ///< parts of R that no constraint can change
+  std::vector<std::string> outputs;  ///< names of the model's outputs, as columns have them
   int equations() const { return static_cast<int>(unknowns.size()); }
 };
 
@@ -32,8 +32,6 @@ ModelFormulas makeModelFormulas(MotionEquations& equations, const Scene& scene);
 
 /// Returns "drive/angle", .., "drive/reaction_torque", ..: five quantities of each shaft.
 std::vector<std::string> shaftQuantities(const Scene& scene);
-/// Returns the same and "outputs/NAME", ...
-std::vector<std::string> outputNames(const Scene& scene);
 
 // --- steady states ------------------------------------------------------------------------------
 
