@@ -353,7 +353,7 @@ class Linearizer {
     if (!modes.empty()) model.notes.push_back("in the mode that holds there: " + modes);
     if (program_->hasDifferences()) {
       model.notes.emplace_back(
-          "some laws call opaque functions, or are too large: their derivatives are differences");
+          "some laws call opaque functions: their derivatives are differences");
     }
   }
   std::string shaftName(int i) const { return scene_.shafts[at(i)]; }

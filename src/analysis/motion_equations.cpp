@@ -270,24 +270,12 @@ Node MotionEquations::combine(int i, int first) {
 
 DifferentiatedFormulas::DifferentiatedFormulas(MotionEquations& equations,
                                                const std::vector<Node>& formulas)
-    : layout_(equations.layout()),
-      count_(static_cast<int>(formulas.size())),
-      is_exact_(differentiate(equations.graph(), formulas)) {
-  if (is_exact_) return;
-  has_differences_ = true;
-  entries_.clear();
-  tape_ = expression::Tape(equations.graph(), formulas);
-}
-
-bool DifferentiatedFormulas::differentiate(Graph& graph, const std::vector<Node>& formulas) {
-  // Derivatives that are larger take seconds to make.
-  constexpr int kMostNodes = 100000;
-  const int most = graph.size() + kMostNodes;
+    : layout_(equations.layout()), count_(static_cast<int>(formulas.size())) {
+  Graph& graph = equations.graph();
   std::vector<Node> outputs = formulas;
   for (int n = 0; n < layout_.size(); ++n) {
     for (int f = 0; f < count_; ++f) {
       const Node derivative = graph.differentiate(formulas[at(f)], layout_.slot(n));
-      if (graph.size() > most) return false;
       if (graph.isConstant(derivative, 0.0)) continue;
       outputs.push_back(derivative);
       entries_.emplace_back(f, n);
@@ -295,7 +283,6 @@ bool DifferentiatedFormulas::differentiate(Graph& graph, const std::vector<Node>
   }
   has_differences_ = graph.hasDifference(outputs);
   tape_ = expression::Tape(graph, outputs);
-  return true;
 }
 
 void DifferentiatedFormulas::evaluate(const VectorXd& v, VectorXd& values,
@@ -303,34 +290,10 @@ void DifferentiatedFormulas::evaluate(const VectorXd& v, VectorXd& values,
   endIfInterrupted();
   const double* const computed = tape_.evaluate(layout_.view(v));
   values = Eigen::Map<const VectorXd>(computed, count_);
-  if (!is_exact_) {
-    derivatives = calcDifferences(v);
-    return;
-  }
   derivatives = MatrixXd::Zero(count_, layout_.size());
   for (std::size_t n = 0; n < entries_.size(); ++n) {
     derivatives(entries_[n].first, entries_[n].second) = computed[count_ + static_cast<int>(n)];
   }
-}
-
-MatrixXd DifferentiatedFormulas::calcDifferences(const VectorXd& v) const {
-  // Central differences of order 4.
-  constexpr double kStep = 1e-3;
-  MatrixXd derivatives(count_, layout_.size());
-  VectorXd shifted = v;
-  const auto difference = [&](int n, double step) -> VectorXd {
-    shifted(n) = v(n) + step;
-    VectorXd sum = Eigen::Map<const VectorXd>(tape_.evaluate(layout_.view(shifted)), count_);
-    shifted(n) = v(n) - step;
-    sum -= Eigen::Map<const VectorXd>(tape_.evaluate(layout_.view(shifted)), count_);
-    shifted(n) = v(n);
-    return sum;
-  };
-  for (int n = 0; n < layout_.size(); ++n) {
-    const double h = kStep * std::max(1.0, std::abs(v(n)));
-    derivatives.col(n) = (8.0 * difference(n, h) - difference(n, 2.0 * h)) / (12.0 * h);
-  }
-  return derivatives;
 }
 
 }  // namespace variator_sim

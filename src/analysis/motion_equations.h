@@ -138,28 +138,22 @@ class MotionEquations {
   std::vector<ConstraintFormulas> constraints_;
 };
 
-/// Formulas and their derivatives by all variables: exact, or central differences if the exact ones
-/// are too large.
+/// Formulas and their derivatives by all variables.
 class DifferentiatedFormulas {
  public:
   DifferentiatedFormulas(MotionEquations& equations, const std::vector<expression::Node>& formulas);
 
-  /// True when derivatives are differences, also inside of an opaque function.
+  /// True when derivatives contain differences, those of an opaque function.
   bool hasDifferences() const { return has_differences_; }
   void evaluate(const Eigen::VectorXd& v, Eigen::VectorXd& values,
                 Eigen::MatrixXd& derivatives) const;
 
  private:
-  /// Returns false and does nothing when the derivatives are too large.
-  bool differentiate(expression::Graph& graph, const std::vector<expression::Node>& formulas);
-  Eigen::MatrixXd calcDifferences(const Eigen::VectorXd& v) const;
-
   const VariableLayout& layout_;
   int count_;
   expression::Tape tape_;                     ///< the formulas, then those of entries_
   std::vector<std::pair<int, int>> entries_;  ///< (formula, variable)
   bool has_differences_ = false;
-  bool is_exact_;
 };
 
 }  // namespace variator_sim
