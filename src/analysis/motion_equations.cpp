@@ -74,6 +74,7 @@ MotionEquations::MotionEquations(const Scene& scene, const std::vector<int>& mod
       torques_(sumTorques(scene, &Torque::torques)),
       holds_(collectHolds(scene)),
       graph_(*scene.graph),
+      J_(graph_, scene),
       with_rates_of_d_(with_rates_of_d) {
   scene.refuseDelays(
       "linear models, steady states and checks of the principle have no past here; allowed: states "
@@ -203,25 +204,12 @@ bool MotionEquations::hasDiagonalInertia() const {
   return scene_.inertia.isDiagonal(0.0) && scene_.inertia_formulas.empty();
 }
 
-Node MotionEquations::inertia(int i, int j) {
-  if (!scene_.inertia_formulas.empty()) return GeneralInertia(graph_, scene_).entry(i, j);
-  const Node mean = graph_.constant(scene_.inertia(i, j));
-  return i == j ? addHarmonics(graph_, scene_, i, mean) : mean;
-}
-
 Node MotionEquations::reaction(int i) {
   Node sum = graph_.negate(torque(i));
   for (int j = 0; j < layout_.S; ++j) {
     sum = graph_.add(sum, graph_.multiply(inertia(i, j), variable(layout_.acceleration(j))));
   }
-  if (!scene_.inertia_formulas.empty()) {
-    return graph_.add(sum, GeneralInertia(graph_, scene_).inertialTorque(i));
-  }
-  // n = 1/2 J' omega^2
-  const Node slope = graph_.differentiate(inertia(i, i), layout_.slot(layout_.angle(i)));
-  const Node omega = variable(layout_.velocity(i));
-  const Node square = graph_.multiply(omega, omega);
-  return graph_.add(sum, graph_.multiply(graph_.multiply(graph_.constant(0.5), slope), square));
+  return hasConstantInertia() ? sum : graph_.add(sum, J_.inertialTorque(i));
 }
 
 Node MotionEquations::reactionRate(int i) {
@@ -229,16 +217,9 @@ Node MotionEquations::reactionRate(int i) {
 }
 
 Node MotionEquations::connection(int i) {
-  if (!scene_.inertia_formulas.empty()) {
-    const GeneralInertia J(graph_, scene_);
-    return sum(layout_.S, [&](int j) {
-      return graph_.multiply(J.connection(i, j), variable(layout_.auxiliary(j)));
-    });
-  }
-  const Node slope = graph_.differentiate(inertia(i, i), layout_.slot(layout_.angle(i)));
-  const Node half = graph_.multiply(graph_.constant(0.5), slope);
-  return graph_.multiply(graph_.multiply(half, variable(layout_.velocity(i))),
-                         variable(layout_.auxiliary(i)));
+  return sum(hasConstantInertia() ? 0 : layout_.S, [&](int j) {
+    return graph_.multiply(J_.connection(i, j), variable(layout_.auxiliary(j)));
+  });
 }
 
 Node MotionEquations::balance(int i) {
@@ -247,9 +228,7 @@ Node MotionEquations::balance(int i) {
 
 Node MotionEquations::balanceOfRates(int i) {
   Node rest = graph_.subtract(reactionRate(i), combine(i, layout_.multiplierRate(0)));
-  if (!with_rates_of_d_) {
-    return hasConstantInertia() ? rest : graph_.subtract(rest, connection(i));
-  }
+  if (!with_rates_of_d_) return graph_.subtract(rest, connection(i));
   for (int m = 0; m < layout_.k; ++m) {
     const Node turn = constraints_[at(m)].D_rate[at(i)];
     rest = graph_.subtract(rest, graph_.multiply(variable(layout_.multiplier(m)), turn));

@@ -80,6 +80,8 @@ class MotionEquations {
  public:
   /// `mode`: of modesAt; `with_rates_of_d`: see ConstraintFormulas.
   MotionEquations(const Scene& scene, const std::vector<int>& mode, bool with_rates_of_d);
+  MotionEquations(const MotionEquations&) = delete;
+  MotionEquations& operator=(const MotionEquations&) = delete;
 
   const VariableLayout& layout() const { return layout_; }
   expression::Graph& graph() { return graph_; }
@@ -90,7 +92,7 @@ class MotionEquations {
   /// Returns a formula of the scene in the modes of its elements.
   expression::Node inModes(expression::Node node) { return graph_.substitute(node, sides_); }
   /// Returns J_ij, kg m^2.
-  expression::Node inertia(int i, int j);
+  expression::Node inertia(int i, int j) const { return J_.entry(i, j); }
   bool hasConstantInertia() const {
     return scene_.inertia_harmonics.empty() && scene_.inertia_formulas.empty();
   }
@@ -131,6 +133,7 @@ class MotionEquations {
   std::vector<expression::Node> torques_;  ///< in the scene's graph, before it is copied
   std::vector<SceneHold> holds_;           ///< likewise
   expression::Graph graph_;
+  const GeneralInertia J_;
   VariableLayout layout_;
   bool with_rates_of_d_;
   std::vector<expression::Graph::Rate> rates_;

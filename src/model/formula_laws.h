@@ -130,7 +130,7 @@ inline expression::Node connectionOf(expression::Graph& graph, expression::Node 
   return graph.multiply(graph.constant(0.5), graph.multiply(slope, omega));
 }
 
-/// An inertia whose entries are formulas of angles, the time and inputs. With J' its total rate
+/// An inertia whose entries may be formulas of angles, the time and inputs. With J' its total rate
 /// and d_i = d/dphi_i, from T = 1/2 J_jk omega_j omega_k and the Christoffel symbols of J [5, 6]:
 ///     n_i = sum_j J'_ij omega_j - 1/2 sum_jk d_i J_jk omega_j omega_k
 ///     Gamma R omega = B J^-1 R
@@ -141,7 +141,7 @@ class GeneralInertia {
   /// `graph`: the scene's, or a copy of it; has to outlive this.
   GeneralInertia(expression::Graph& graph, const Scene& scene)
       : graph_(graph),
-        J_(scene.inertia_formulas),
+        J_(inertiaOf(graph, scene)),
         S(scene.shaftCount()),
         rates_(ratesOfAll(graph, scene)) {}
   expression::Node entry(int i, int j) const { return J_.data()[S * i + j]; }
@@ -176,7 +176,7 @@ class GeneralInertia {
   }
 
   expression::Graph& graph_;
-  const std::vector<expression::Node>& J_;
+  const std::vector<expression::Node> J_;
   const int S;
   std::vector<expression::Graph::Rate> rates_;
 };
