@@ -1,5 +1,4 @@
-/// Decompositions of dense matrices by LAPACK: Eigen's took a tenth of the package's build. Not for
-/// the loop. Throws std::runtime_error when LAPACK fails.
+/// Decompositions of dense matrices, compiled in one place, as Eigen's take long. Not for the loop.
 #pragma once
 
 #include <Eigen/Core>
@@ -37,8 +36,9 @@ inline Eigen::MatrixXd chooseRows(const Eigen::MatrixXd& M, const std::vector<in
   return chooseColumns(M.transpose(), rows).transpose();
 }
 
-/// Returns eigenvalues; those that are 0 to rounding are exactly 0. `zero_index`, unless null,
-/// receives the size of the largest Jordan block of 0; 0 for a regular M.
+/// Returns eigenvalues (std::runtime_error where their iteration does not converge); those that are
+/// 0 to rounding are exactly 0. `zero_index`, unless null, receives the size of the largest Jordan
+/// block of 0; 0 for a regular M.
 std::vector<std::complex<double>> findEigenvalues(Eigen::MatrixXd M, int* zero_index = nullptr);
 
 }  // namespace variator_sim
