@@ -48,16 +48,18 @@ VS_FUNCTION_RARE int vs_is_rounding(scene_model* m, int guard, double point, dou
 
 /* Finds the guards that stay on a jump up to theta by all but rounding: speeds that a lock couples,
  * the reaction on a shaft without a constraint. They are no events: the formulas go on as at their
- * first value. (Stages leave a part of the tolerance of what is to be 0.) */
+ * first value. (Stages leave a part of the tolerance of what is to be 0; in a short step what moves
+ * with time seems to rest.) */
 VS_FUNCTION void vs_note_resting(scene_model* m, double theta) {
   scene_series* const it = vs_series(m);
   const double part = it->method == VS_BY_SERIES ? 1e-3 : 1.0;
+  const int is_short = theta * it->unit < 1e-9 * seriesLarger(1.0, m->now.time);
   double points[3];
   int g, k, n, rests;
   for (g = 0; g < SIGNS + TABLES; ++g) {
     const Real* const c = vs_guard(it, g);
     VS_RESTS(it, g) = 0.0;
-    if (!(g < SIGNS ? sign_jumps[g] : passage_jumps[g - SIGNS])) continue;
+    if (is_short || !(g < SIGNS ? sign_jumps[g] : passage_jumps[g - SIGNS])) continue;
     points[0] = points[1] = points[2] = 0.0;
     if (g >= SIGNS) vs_find_points(it, g - SIGNS, c[0], &points[0], &points[1], &points[2]);
     for (k = 0, rests = 0; k < 3 && !rests; ++k) {
