@@ -45,6 +45,9 @@ class Node {
     EXPECT_TRUE(waitFor([this] {
       return !statuses_.empty() && !scenes_.empty() && state_.getNumPublishers() > 0;
     }));
+    // Of a node whose time stands we have the state.
+    EXPECT_TRUE(waitFor(
+        [this] { return statuses_.back().state != SimulationStatus::PAUSED || !states_.empty(); }));
   }
 
   std_srvs::Trigger::Response trigger(const std::string& service) {
@@ -539,6 +542,34 @@ TEST(Node, PausesResumesAndResets) {
     if (states[i].time < states[i - 1].time) ++backwards;
   }
   EXPECT_LE(backwards, 1);
+  ASSERT_TRUE(node.trigger("resume").success);
+}
+
+TEST(Node, TellsItsStateToWhoeverComesWhileItIsPaused) {
+  DrivetrainState expected;
+  {
+    Node node("control");
+    ASSERT_TRUE(node.trigger("pause").success);
+    expected = node.step(0.05).state;
+  }  // (One process has one connection for each topic.)
+  {
+    Node node("control");
+    ASSERT_EQ(node.states().size(), 1U);
+    EXPECT_TRUE(sameBits(node.states().front().time, expected.time));
+    EXPECT_EQ(node.states().front().acceleration, expected.acceleration);
+    // A command that waits is in force, although no state tells so by itself.
+    ros::Publisher torque = node.commander("drive_torque");
+    std_msgs::Float64 command;
+    command.data = 7.0;
+    torque.publish(command);
+    ASSERT_TRUE(node.waitForStatus([](const auto& s) { return s.commands_accepted == 1; }));
+    EXPECT_EQ(node.states().size(), 1U);
+  }
+  Node node("control");
+  ASSERT_EQ(node.states().size(), 1U);
+  EXPECT_EQ(node.states().front().applied_torque[0], 7.0);
+  EXPECT_TRUE(sameBits(node.states().front().time, expected.time));
+  ASSERT_TRUE(node.trigger("reset").success);
   ASSERT_TRUE(node.trigger("resume").success);
 }
 

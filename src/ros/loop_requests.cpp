@@ -78,6 +78,16 @@ LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
   }
 }
 
+bool SteppingLoop::sampleWhileIdle(TimedSample* sample) {
+  const std::lock_guard<std::mutex> one_at_a_time(submitting_);
+  LoopRequest request{RequestKind::kGetState};
+  request.visit = [](Simulation&) { return std::string(); };
+  LoopAnswer answer;
+  if (!serveWhileIdle(request, answer)) return false;
+  *sample = answer.sample;
+  return true;
+}
+
 bool SteppingLoop::serveWhileIdle(const LoopRequest& request, LoopAnswer& answer) {
   int waiting = kWaiting;
   if (!idle_.compare_exchange_strong(waiting, kLent, std::memory_order_acq_rel)) return false;

@@ -144,12 +144,17 @@ SimulationServer::~SimulationServer() {
 }
 
 void SimulationServer::advertiseTopics() {
-  // A new subscriber of states is served from the next tick on, without polling.
+  // A new subscriber of states is served from the next tick on, without polling; while there is no
+  // next tick, with the state that stands.
   const ros::SubscriberStatusCallback refresh = [this](const ros::SingleSubscriberPublisher&) {
     refreshDemand();
   };
+  const auto greet = [this](const ros::SingleSubscriberPublisher& subscriber) {
+    refreshDemand();
+    showState(subscriber);
+  };
   state_publisher_ =
-      private_handle_.advertise<DrivetrainState>("state", kStateQueue, refresh, refresh);
+      private_handle_.advertise<DrivetrainState>("state", kStateQueue, greet, refresh);
   energy_publisher_ =
       private_handle_.advertise<DrivetrainEnergy>("energy", kStateQueue, refresh, refresh);
   event_publisher_ = private_handle_.advertise<Event>("events", kEventQueue, refresh, refresh);
@@ -307,6 +312,14 @@ void SimulationServer::refreshDemand() {
   loop_.setSamplesWanted(
       energy_wanted || groups_wanted.any() || state_publisher_.getNumSubscribers() > 0 ||
       joint_publisher_.getNumSubscribers() > 0 || clock_publisher_.getNumSubscribers() > 0);
+}
+
+void SimulationServer::showState(const ros::SingleSubscriberPublisher& subscriber) {
+  TimedSample timed;
+  if (!loop_.sampleWhileIdle(&timed)) return;
+  DrivetrainState message = toState(timed.sample, toSeconds(timed.time), scene_, has_errors_);
+  message.header.stamp = stampOf(timed.time, timed.clock_time);
+  subscriber.publish(message);
 }
 
 void SimulationServer::runStatus() {

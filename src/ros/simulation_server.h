@@ -75,6 +75,8 @@ class SimulationServer {
   // Callback thread.
   void runCallbacks(ros::CallbackQueue& queue) const;
   void refreshDemand();
+  /// Tells a new subscriber the state where simulated time stands.
+  void showState(const ros::SingleSubscriberPublisher& subscriber);
   /// `publisher`: the node that has sent it.
   void receiveClock(std::int64_t time, const std::string& publisher);
   void receiveCommands(const Commands& message);
@@ -82,9 +84,11 @@ class SimulationServer {
   // Poll thread.
   void publishSamples();
   void publishEvents();
+  void publishClock();
+
+  // Any thread.
   /// `time` and `clock_time` as in TimedSample.
   ros::Time stampOf(std::int64_t time, std::int64_t clock_time);
-  void publishClock();
 
   // Status thread.
   void runStatus();
