@@ -1,6 +1,5 @@
 #include "ros/diagnostics.h"
 
-#include <diagnostic_msgs/DiagnosticArray.h>
 #include <ros/console.h>
 
 #include <exception>
@@ -18,8 +17,6 @@ double toMicroseconds(std::int64_t nanoseconds) {
 Diagnostics::Diagnostics(ros::NodeHandle public_handle, const ros::NodeHandle& private_handle,
                          std::vector<std::string> constraints)
     : constraints_(std::move(constraints)),
-      // The updater does not report whether it has subscribers.
-      listeners_(public_handle.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 1)),
       updater_(public_handle, private_handle, private_handle.getNamespace()) {
   updater_.setHardwareID("none");
   updater_.add("simulation",
@@ -29,7 +26,6 @@ Diagnostics::Diagnostics(ros::NodeHandle public_handle, const ros::NodeHandle& p
 void Diagnostics::update(const LoopSnapshot& snapshot) {
   health_ = judgeHealth(snapshot, now_);
   now_ = snapshot;
-  if (listeners_.getNumSubscribers() == 0) return;
   try {
     updater_.force_update();
   } catch (const std::exception& error) {

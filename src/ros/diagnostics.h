@@ -18,8 +18,8 @@ class Diagnostics {
   Diagnostics(ros::NodeHandle public_handle, const ros::NodeHandle& private_handle,
               std::vector<std::string> constraints);
 
-  /// Judges the events since the last call, and publishes the result if /diagnostics has
-  /// subscribers. The caller calls it once a second.
+  /// Judges the events since the last call, and publishes the result. The caller calls it once a
+  /// second.
   void update(const LoopSnapshot& snapshot);
 
  private:
@@ -28,7 +28,6 @@ class Diagnostics {
   std::vector<std::string> constraints_;
   LoopSnapshot now_;
   Health health_;
-  ros::Publisher listeners_;
   diagnostic_updater::Updater updater_;
 };
 
