@@ -1,55 +1,15 @@
 """The compiled part: scenes, motions, samples."""
 
 import os
-from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from variator_sim.running import Result
+from variator_sim.simulation import Sample
 
 Scene = Union[str, "os.PathLike[str]", Mapping[str, Any]]
 Array = NDArray[numpy.float64]
-
-class Sample:
-    """A motion at one instant; a copy, which no later step changes.
-
-    Arrays are in the order of the scene's shafts (`residual`, `multiplier`: of its constraints).
-    `sample["load/velocity"]` is one number, by the name of its column.
-    """
-
-    @property
-    def time(self) -> float:
-        """s"""
-    @property
-    def angle(self) -> Array:
-        """rad"""
-    @property
-    def velocity(self) -> Array:
-        """rad/s"""
-    @property
-    def acceleration(self) -> Array:
-        """rad/s^2"""
-    @property
-    def applied_torque(self) -> Array:
-        """N m, positive accelerates"""
-    @property
-    def reaction_torque(self) -> Array:
-        """N m"""
-    @property
-    def reaction_torque_rate(self) -> Array:
-        """R', N m/s"""
-    @property
-    def reaction_torque_covariant_rate(self) -> Array:
-        """G, N m/s; R' where the inertias are constant"""
-    @property
-    def residual(self) -> Array:
-        """Residual of each constraint, its own unit."""
-    @property
-    def multiplier(self) -> Array: ...
-    def keys(self) -> List[str]:
-        """Names of the columns."""
-    def __getitem__(self, column: str) -> float: ...
 
 class LinearModel:
     """x' = A x + B u, y = C x + D u, in deviations from one instant of a motion.
@@ -101,31 +61,10 @@ class LinearModel:
         """Eigenvalues of A, 1/s, the slowest first."""
     def save(self, path: Union[str, "os.PathLike[str]"]) -> None:
         """Writes .npz, .csv or .mat, as `simulate --linearize --output` does."""
-
-class SteadyState:
-    """One of `Simulation.trim`."""
-
-    @property
-    def state(self) -> Dict[str, Any]:
-        """The state as `Simulation.set_state` takes it, inputs included."""
-    @property
-    def residual(self) -> float:
-        """The largest residual of the equations, N m, N m/s or the constraint's own unit."""
-    @property
-    def undetermined(self) -> List[str]:
-        """Names of what may change together without leaving the steady states; not empty: this is
-        one of infinitely many."""
-    @property
-    def stability(self) -> str:
-        """"stable, ..." or "unstable: ...", by the eigenvalues of the linear model there."""
+    def _csv(self) -> str: ...
 
 class Simulation:
-    """The motion of one scene, moved step by step.
-
-    One thread at a time may use a simulation; other threads of the interpreter go on while it
-    moves. The motion depends on the scene and on times and values of commands only: neither samples
-    nor how its advances are cut change a bit of it.
-    """
+    """What of variator_sim.Simulation is compiled."""
 
     def __init__(self, scene: Scene, overrides: Optional[Mapping[str, Any]] = None, *,
                  energy: bool = False) -> None:
@@ -157,12 +96,6 @@ class Simulation:
         """Everything at the present, after its commands."""
     def __getitem__(self, column: str) -> float:
         """A column of `sample` at the present, without making one: for loops of a million steps."""
-    def record(self, columns: Union[str, Iterable[str]] = "state") -> Result:
-        """Adds the present to the recording of this simulation, and returns all of it.
-
-        Args:
-            columns: groups of columns as of `simulate`; other groups than before begin a new recording.
-        """
     def state(self) -> Dict[str, Any]:
         """All that the motion to come depends on beside the scene, as plain Python values.
 
@@ -191,41 +124,6 @@ class Simulation:
 
         Raises:
             SceneError: where there is no model: C has lost rank, or a corner of the constraint.
-        """
-    def trim(self, fix: Optional[Mapping[str, float]] = None,
-             free: Union[None, str, Iterable[str], Mapping[str, Optional[float]]] = None, *,
-             accelerating: bool = False) -> List[SteadyState]:
-        """The scene's steady states, the nearest to its start first.
-
-        Args:
-            fix: what is given: {"drive_torque": 5.0, "w_drive": 10.0}; speeds `w_SHAFT`, angles
-                `phi_SHAFT`, inputs, `t`, outputs, "SHAFT/applied_torque", "SHAFT/reaction_torque".
-            free: names of what is not, beside speeds; or a dict with where to look first.
-            accelerating: accelerations in constant ratios instead of constant speeds.
-
-        What is not named is as at the scene's start; neither the present nor its commands matter.
-        Of infinitely many states one is returned, with a warning.
-
-        Raises:
-            NoSteadyState: with what stands against it.
-            SceneError: a name that means nothing.
-        """
-    def residuals(self, accelerations: ArrayLike) -> Array:
-        """Residuals of the constraints at the current time for the given accelerations of the shafts.
-
-        Time, angles, speeds and inputs in force are the present's; the motion stays where it is.
-
-        Args:
-            accelerations: rad/s^2, of shape (..., shafts), in the order of `shafts`.
-
-        Returns:
-            Of shape (..., constraints), in the order of `constraints`, each in its own unit: psi for
-            order 2, f' = df/dt for order 1, and NaN for order 3, which says nothing of accelerations
-            alone.
-
-        Raises:
-            ValueError: another number of accelerations than of shafts, or one that is not finite.
-            MotionStopped: there is no present.
         """
     @property
     def outputs(self) -> Dict[str, float]:
@@ -286,5 +184,9 @@ class Simulation:
     def _run(self, duration: float, rate: float, times: Optional[Sequence[float]],
              commands: Sequence[Tuple[float, str, float]], columns: str,
              until_rest: bool, gradient: Sequence[str] = ...) -> Tuple[Any, ...]: ...
+    def _trim(self, fix: Sequence[Tuple[str, float]], free: Sequence[Tuple[str, float]],
+              accelerating: bool) -> Tuple[str, List[Tuple[Any, ...]]]: ...
+    def _residuals(self, accelerations: Array) -> Array: ...
 
+def _format(value: float) -> str: ...
 def read_commands(path: Union[str, "os.PathLike[str]"]) -> List[Tuple[float, str, float]]: ...

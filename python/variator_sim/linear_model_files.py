@@ -1,13 +1,14 @@
 """Makes files of NumPy and MATLAB of linear models.
 
 `simulate --linearize` runs this file by itself: it reads the model as CSV from standard input and writes the
-content of the file to standard output, or the reason why there is none (exit status 1). So it imports nothing of the
-package, whose compiled module is not needed here.
+content of the file to standard output, or the reason why there is none (exit status 1). So what it runs imports nothing
+of the package, whose compiled module is not needed there.
 """
 
 import collections
 import csv
 import io
+import os
 import sys
 
 SHAPES = {"A": ("states", "states"), "B": ("states", "inputs"), "C": ("outputs", "states"), "D": ("outputs", "inputs"),
@@ -59,6 +60,16 @@ def convert(text, ending):
         raise ImportError(f"{ending} needs {package} ({error}): 'apt install {package}' installs it, "
                           "and .csv needs nothing") from error
     return file.getvalue()
+
+
+def save(model, path):
+    """Writes .npz, .csv or .mat, as `simulate --linearize --output` does."""
+    from variator_sim.files import write_bytes
+    ending = os.path.splitext(os.fspath(path))[1]
+    if ending != ".csv" and ending not in WRITERS:
+        raise ValueError(f"'{path}' ends neither with .csv nor with .npz nor with .mat")
+    table = model._csv()
+    write_bytes(path, table.encode() if ending == ".csv" else convert(table, ending))
 
 
 def main():

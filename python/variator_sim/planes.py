@@ -5,7 +5,7 @@ import numpy
 from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap, Normalize
 
-from variator_sim._core import Simulation
+from variator_sim.simulation import Simulation
 from variator_sim.checks import one_of
 from variator_sim.plotting import save
 

@@ -77,11 +77,6 @@ class Result(collections.abc.Mapping):
         return plotting.plot(self, columns, **options)
 
 
-def restored_sample(*parts):
-    """The sample of a pickle, in which functions of the compiled module cannot be."""
-    return _core._sample(*parts)
-
-
 def read_commands(commands):
     """Commands in the order of their times, as tuples (time, topic, value).
 

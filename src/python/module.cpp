@@ -1,5 +1,7 @@
 /// The Python module variator_sim._core: its names and their bindings.
 
+#include <pybind11/complex.h>
+#include <pybind11/eigen.h>
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
@@ -163,56 +165,43 @@ void translateErrors() {
   });
 }
 
-void bindSample(py::module& module) {
-  py::class_<NamedSample> sample(module, "Sample");
-  refuseNew(sample);
-  sample.def_property_readonly("time", [](const NamedSample& self) { return self.sample.time; });
-  const auto add = [&sample](const char* name, const double(Sample::*member)[kMaxShafts]) {
-    sample.def_property_readonly(name, [member](const NamedSample& self) {
-      return toArray(self.sample.*member, self.names->shafts);
-    });
-  };
-  add("angle", &Sample::angle);
-  add("velocity", &Sample::velocity);
-  add("acceleration", &Sample::acceleration);
-  add("applied_torque", &Sample::applied_torque);
-  add("reaction_torque", &Sample::reaction_torque);
-  add("reaction_torque_rate", &Sample::reaction_torque_rate);
-  add("reaction_torque_covariant_rate", &Sample::reaction_torque_covariant_rate);
-  sample.def_property_readonly("residual", [](const NamedSample& self) {
-    return toArray(self.sample.residual, self.names->constraints);
-  });
-  sample.def_property_readonly("multiplier", [](const NamedSample& self) {
-    return toArray(self.sample.multiplier, self.names->constraints);
-  });
-  sample.def("keys", [](const NamedSample& self) { return self.names->names; });
-  sample.def("__getitem__", &NamedSample::at);
-  sample.def("__iter__",
-             [](const NamedSample& self) { return py::iter(py::cast(self.names->names)); });
-  sample.def("__len__", [](const NamedSample& self) { return self.names->names.size(); });
-  sample.def("__contains__", [](const NamedSample& self, py::handle column) {
-    double unused;
-    return self.names->read(self.sample, column.ptr(), &unused);
-  });
-  sample.def("__eq__", [](const NamedSample& self, py::handle other) {
-    return py::isinstance<NamedSample>(other) && self.isSame(other.cast<const NamedSample&>());
-  });
-  sample.def("__reduce__", [](const NamedSample& self) {
-    const auto* const bytes = reinterpret_cast<const char*>(&self.sample);
-    return py::make_tuple(
-        py::module::import("variator_sim.running").attr("restored_sample"),
-        py::make_tuple(self.names->names, self.names->places, self.names->shafts,
-                       self.names->constraints, py::bytes(bytes, sizeof(Sample))));
-  });
-  module.def("_sample", &NamedSample::restored);
-  sample.def("__repr__", [](const NamedSample& self) {
-    std::string text;
-    for (const std::string& name : self.names->names) {
-      const double value = self.at(py::str(name));
-      text += (text.empty() ? "Sample(" : ", ") + name + "=" + formatNumber(value);
-    }
-    return text + ")";
-  });
+/// Copies arrays: a view would keep the model alive, and be read-only.
+template <typename Member>
+auto copyOf(Member LinearModel::*member) {
+  return [member](const LinearModel& model) -> Member { return model.*member; };
+}
+
+void bindLinearModel(py::module& module) {
+  py::class_<LinearModel> model(module, "LinearModel");
+  // pybind11 would read the memory of an object that Python has made, which is not initialized.
+  reinterpret_cast<PyTypeObject*>(model.ptr())->tp_new = nullptr;
+  model.def_property_readonly("A", copyOf(&LinearModel::A))
+      .def_property_readonly("B", copyOf(&LinearModel::B))
+      .def_property_readonly("C", copyOf(&LinearModel::C))
+      .def_property_readonly("D", copyOf(&LinearModel::D))
+      .def_property_readonly("x", copyOf(&LinearModel::x))
+      .def_property_readonly("u", copyOf(&LinearModel::u))
+      .def_property_readonly("y", copyOf(&LinearModel::y))
+      .def_property_readonly("x_rate", copyOf(&LinearModel::x_rate))
+      .def_readonly("time", &LinearModel::time)
+      .def_readonly("states", &LinearModel::states)
+      .def_readonly("inputs", &LinearModel::inputs)
+      .def_readonly("outputs", &LinearModel::outputs)
+      .def_readonly("notes", &LinearModel::notes)
+      .def_property_readonly("eigenvalues",
+                             [](const LinearModel& self) {
+                               const auto values = calcEigenvalues(self);
+                               return Eigen::VectorXcd(Eigen::Map<const Eigen::VectorXcd>(
+                                   values.data(), static_cast<Eigen::Index>(values.size())));
+                             })
+      .def("_csv", &writeModel)
+      .def("__str__", [](const LinearModel& self) { return describeModel(self, true); })
+      .def("__repr__", [](const LinearModel& self) {
+        return "<LinearModel at " + formatNumber(self.time) +
+               " s: " + std::to_string(self.states.size()) + " states, " +
+               std::to_string(self.inputs.size()) + " inputs, " +
+               std::to_string(self.outputs.size()) + " outputs>";
+      });
 }
 
 /// Binds the read-only properties.
@@ -274,9 +263,8 @@ void bindSimulation(py::module& module) {
       .def("take_events", &Self::takeEvents)
       .def("linearize", &Self::linearize, py::arg("state") = py::none(), py::kw_only(),
            py::arg("project") = false, py::arg("full") = false)
-      .def("trim", &Self::trim, py::arg("fix") = py::none(), py::arg("free") = py::none(),
-           py::kw_only(), py::arg("accelerating") = false)
-      .def("residuals", &Self::residuals, py::arg("accelerations"))
+      .def("_trim", &Self::trim)
+      .def("_residuals", &Self::residuals)
       .def("compile", &Self::compile)
       .def(
           "_run",
@@ -300,8 +288,7 @@ PYBIND11_MODULE(_core, module) {
   using namespace variator_sim;
   namespace py = pybind11;
   python::translateErrors();
-  python::bindSample(module);
-  python::bindAnalysis(module);
+  python::bindLinearModel(module);
   python::bindSimulation(module);
   python::bindSweep(module);
   module.def("_describe_scene", [](const py::object& scene, const py::object& overrides) {
@@ -312,6 +299,7 @@ PYBIND11_MODULE(_core, module) {
     }
     return text;
   });
+  module.def("_format", &formatNumber);
   module.def("_file_path", [](const std::string& name) { return filePathOf(name, "file"); });
   module.def("read_commands", [](const py::object& path) {
     std::vector<python::CommandTuple> commands;

@@ -6,18 +6,21 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "motion/culprit.h"
 #include "motion/motion.h"
-#include "python/analysis.h"
+#include "python/sample_layout.h"
 #include "python/sweep.h"
 #include "python/trees.h"
 #include "ros/plugin_loader.h"
 #include "tools/analysis_text.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/linear_model.h"
 #include "variator_sim/motion_state.h"
+#include "variator_sim/trim.h"
 
 namespace variator_sim::python {
 
@@ -47,6 +50,15 @@ inline Overrides readOverrides(const py::object& overrides) {
     values.emplace_back(name, toTree(value, name));
   }
   return values;
+}
+
+/// Names of quantities with values, NaN for none.
+using Choices = std::vector<std::pair<py::object, double>>;
+
+inline std::vector<TrimChoice> readChoices(const Choices& choices) {
+  std::vector<TrimChoice> read;
+  for (const auto& [name, value] : choices) read.push_back({toText(name, "fix and free"), value});
+  return read;
 }
 
 /// Detects exceptions raised by signal handlers, such as that of Ctrl-C. Polls the interpreter,
@@ -98,7 +110,7 @@ class PythonSimulation {
   PythonSimulation(const py::object& scene, const py::object& overrides, bool energy)
       : tree_(withOverrides(readSceneArgument(scene), readOverrides(overrides))),
         simulation_(load(tree_, energy)),
-        names_(std::make_shared<const SampleNames>(simulation_)) {
+        layout_(simulation_) {
     for (const std::string& warning : simulation_.scene().warnings) warn(warning);
   }
 
@@ -128,9 +140,9 @@ class PythonSimulation {
   bool tryRead(PyObject* column, double* value) {
     if (is_busy_) return false;
     const Sample& taken = simulation_.sample();
-    return simulation_.status().ok() && names_->read(taken, column, value);
+    return simulation_.status().ok() && layout_.read(taken, column, value);
   }
-  double read(py::handle column) { return sample().at(column); }
+  py::object read(const py::object& column) { return sample()[column]; }
 
   // --- Any call
 
@@ -156,7 +168,7 @@ class PythonSimulation {
     }
     advanceTo(get().time() + duration);
   }
-  NamedSample step(const py::object& duration, const py::object& commands) {
+  py::object step(const py::object& duration, const py::object& commands) {
     if (!commands.is_none()) {
       for (const auto& [topic, value] : toDict(commands, "commands", "{'ratio': 0.4}")) {
         command(py::reinterpret_borrow<py::object>(topic),
@@ -184,11 +196,10 @@ class PythonSimulation {
     throw std::invalid_argument("command on " + inQuotes(topic) + ": " + formatNumber(value) +
                                 "; allowed: any finite number");
   }
-  NamedSample sample() {
-    Simulation& simulation = get();
-    const Sample& taken = simulation.sample();
+  py::object sample() {
+    const Sample& taken = get().sample();
     check();
-    return {taken, names_};
+    return layout_.make(taken);
   }
   py::dict quantities(QuantityGroup group) {
     Simulation& simulation = get();
@@ -239,7 +250,7 @@ class PythonSimulation {
     const py::dict values = toDict(given, "state", kState);
     Simulation& simulation = get();
     if (!simulation.status().ok()) simulation.reset();  // a stopped motion accepts no state
-    const MotionState state = readState(values, simulation);
+    const MotionState state = readState(values);
     std::string fault;
     move([&] { fault = simulation.setState(state, project); });
     if (!fault.empty()) throw SceneError("state", fault);
@@ -254,7 +265,6 @@ class PythonSimulation {
 
   /// Maps (..., s) accelerations to (..., k) residuals.
   Array residuals(const DenseArray& accelerations) {
-    checkAccelerations(accelerations, scene().shafts);
     const OperatingPoint point = get().operatingPoint();
     check();
     std::vector<py::ssize_t> shape(accelerations.shape(),
@@ -277,7 +287,7 @@ class PythonSimulation {
     const bool is_here = state.is_none();
     if (is_here) sample();  // raises if the motion has stopped
     MotionState there;
-    if (!is_here) there = readState(toDict(state, "state", kState), simulation);
+    if (!is_here) there = readState(toDict(state, "state", kState));
     LinearModel model;
     move([&] {
       std::unique_ptr<Simulation> other;  // the motion itself is not moved
@@ -292,9 +302,11 @@ class PythonSimulation {
     });
     return model;
   }
-  py::list trim(const py::object& fix, const py::object& free, bool accelerating) {
+  /// Returns what is told of the search, and each steady state with its residual, what is
+  /// undetermined there, and its stability.
+  py::tuple trim(const Choices& fix, const Choices& free, bool accelerating) {
     const Scene& scene = get().scene();
-    const TrimOptions options = readTrimOptions(fix, free, accelerating);
+    const TrimOptions options{readChoices(fix), readChoices(free), accelerating};
     TrimResult result;
     std::vector<std::string> stabilities;
     move([&] {
@@ -303,7 +315,13 @@ class PythonSimulation {
         stabilities.push_back(describeStability(scene, it.point));
       }
     });
-    return toList(result, stabilities, scene);
+    py::list states;
+    for (std::size_t i = 0; i < result.states.size(); ++i) {
+      const TrimState& it = result.states[i];
+      const ParameterTree tree = variator_sim::toTree(makeState(it.point, scene), scene);
+      states.append(py::make_tuple(toObject(tree), it.residual, it.undetermined, stabilities[i]));
+    }
+    return py::make_tuple(result.message, states);
   }
 
   /// Returns rows, the number of commands outside, and None or what ended the run before: an error,
@@ -348,7 +366,7 @@ class PythonSimulation {
       return py::str(parts[static_cast<std::size_t>(index)]->name());
     };
     return errorClass("MotionStopped")(
-        message, toString(status.reason), status.time, NamedSample{simulation.sample(), names_},
+        message, toString(status.reason), status.time, layout_.make(simulation.sample()),
         name(scene().constraints, culprit.constraint), name(scene().torques, culprit.torque));
   }
 
@@ -368,6 +386,14 @@ class PythonSimulation {
     if (!simulation_.status().ok()) raise(stopped());
   }
 
+  /// Reads a dict; missing values are those of the present, or of the start if the motion has
+  /// stopped.
+  MotionState readState(const py::dict& values) {
+    MotionState present;
+    if (!simulation_.peekState(&present)) Simulation(scene()).peekState(&present);
+    return readMotionState(toTree(values, "state"), scene(), present);
+  }
+
   /// Does long work; other threads must not use the simulation meanwhile.
   template <typename Work>
   void move(const Work& work) {
@@ -384,7 +410,7 @@ class PythonSimulation {
   static constexpr const char* kState = "{'shafts': {'drive': {'velocity': 5.0}}}";
   const ParameterTree tree_;
   Simulation simulation_;
-  std::shared_ptr<const SampleNames> names_;
+  const SampleLayout layout_;
   bool is_busy_ = false;
 };
 
