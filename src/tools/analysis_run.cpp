@@ -80,7 +80,7 @@ std::string explainUnrest(Simulation& simulation) {
 }
 
 /// Returns false, with a message, when the point cannot be reached.
-bool reachPoint(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
+bool reachPoint(Simulation& simulation, const std::vector<TimedCommand>& commands,
                 const SimulateOptions& options, OperatingPoint* point) {
   double time = 0.0;
   const auto runTo = [&](double end) {
@@ -142,7 +142,7 @@ std::string asComment(const std::string& text) {
 
 }  // namespace
 
-bool runLinearize(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
+bool runLinearize(Simulation& simulation, const std::vector<TimedCommand>& commands,
                   const SimulateOptions& options) {
   const std::string& path = options.output_path;
   const std::string ending = path.empty() ? "" : endingOfModel(path);
@@ -266,7 +266,7 @@ std::string MinimumWatch::describe(bool* is_least) const {
 namespace {
 
 /// Returns false when the motion stops on the way.
-bool runBeside(const std::string& name, Scene scene, const std::vector<ResolvedCommand>& commands,
+bool runBeside(const std::string& name, Scene scene, const std::vector<TimedCommand>& commands,
                const SampleTimes& times, double end, const std::string& path) {
   Simulation simulation(std::move(scene));
   OfflineRun run(simulation, times, commands, end);
@@ -294,7 +294,7 @@ bool runBeside(const std::string& name, Scene scene, const std::vector<ResolvedC
 
 }  // namespace
 
-bool comparePrinciples(const Simulation& simulation, const std::vector<ResolvedCommand>& commands,
+bool comparePrinciples(const Simulation& simulation, const std::vector<TimedCommand>& commands,
                        const SampleTimes& times, double end, const SimulateOptions& options) {
   const auto run = [&](const char* name, const Scene& scene) {
     return runBeside(name, scene, commands, times, end, options.output_path);

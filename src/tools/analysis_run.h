@@ -13,7 +13,7 @@ namespace variator_sim {
 /// Brings `simulation` to the point of `--at`, writes its linear model and prints a report. Throws
 /// SceneError, UsageError, OutputError. Returns false when the motion stops on the way, comes to no
 /// rest or is interrupted (Interruption).
-bool runLinearize(Simulation& simulation, const std::vector<ResolvedCommand>& commands,
+bool runLinearize(Simulation& simulation, const std::vector<TimedCommand>& commands,
                   const SimulateOptions& options);
 
 /// Writes the steady state. Returns false when there is none.
@@ -54,7 +54,7 @@ class MinimumWatch {
 /// Runs the scene under both principles and under [18], writes the samples beside `--output`, and
 /// prints how [10] and [16] differ from each motion. Throws SceneError, OutputError. Returns false
 /// when a motion stops on the way.
-bool comparePrinciples(const Simulation& simulation, const std::vector<ResolvedCommand>& commands,
+bool comparePrinciples(const Simulation& simulation, const std::vector<TimedCommand>& commands,
                        const SampleTimes& times, double end, const SimulateOptions& options);
 
 }  // namespace variator_sim

@@ -9,19 +9,16 @@
 
 namespace variator_sim {
 
-std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& commands,
-                                             const Scene& scene, const std::string& path) {
-  std::vector<ResolvedCommand> resolved;
-  resolved.reserve(commands.size());
-  for (const TimedCommand& command : commands) {
+std::vector<TimedCommand> resolveCommands(std::vector<TimedCommand> commands, const Scene& scene,
+                                          const std::string& path) {
+  for (TimedCommand& command : commands) {
     try {
-      const int input = findInput(scene.inputs, command.topic);
-      resolved.push_back({command.time, input, command.value, command.line});
+      command.input = findInput(scene.inputs, command.topic);
     } catch (const std::invalid_argument& error) {
       throw CommandFileError(path + ":" + std::to_string(command.line) + ": " + error.what());
     }
   }
-  return resolved;
+  return commands;
 }
 
 std::vector<std::string> describeDoubts(const Simulation& simulation) {
@@ -61,11 +58,11 @@ std::string writeEvents(Simulation& simulation) {
 }
 
 OfflineRun::OfflineRun(Simulation& simulation, SampleTimes times,
-                       std::vector<ResolvedCommand> commands, double end)
+                       std::vector<TimedCommand> commands, double end)
     : simulation_(simulation), times_(std::move(times)), commands_(std::move(commands)), end_(end) {
   const auto first_after = [this](double time) {
     return std::find_if(commands_.begin(), commands_.end(),
-                        [time](const ResolvedCommand& command) { return command.time > time; });
+                        [time](const TimedCommand& command) { return command.time > time; });
   };
   const auto first_ignored = first_after(end);
   ignored_count_ = static_cast<std::size_t>(commands_.end() - first_ignored);
@@ -84,7 +81,7 @@ bool OfflineRun::reach(double time) {
 
 void OfflineRun::applyCommands() {
   while (next_command_ < commands_.size() && commands_[next_command_].time <= simulation_.time()) {
-    const ResolvedCommand& command = commands_[next_command_++];
+    const TimedCommand& command = commands_[next_command_++];
     if (sensitivity_ != nullptr) sensitivity_->command(simulation_, command.input, command.value);
     if (simulation_.command(command.input, command.value) == CommandResult::kRefused &&
         ++refused_count_ == 1) {

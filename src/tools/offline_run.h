@@ -18,17 +18,9 @@ namespace variator_sim {
 
 class Sensitivity;
 
-/// A command whose topic has been found in the scene.
-struct ResolvedCommand {
-  double time;   ///< s
-  int input;     ///< index into Scene::inputs
-  double value;  ///< the input's own unit
-  int line;      ///< where it stands in its file
-};
-
 /// Finds each command's input by its topic. Throws CommandFileError with the nearest topic.
-std::vector<ResolvedCommand> resolveCommands(const std::vector<TimedCommand>& commands,
-                                             const Scene& scene, const std::string& path);
+std::vector<TimedCommand> resolveCommands(std::vector<TimedCommand> commands, const Scene& scene,
+                                          const std::string& path);
 
 /// Returns warnings about the run so far: crude fixed steps, clamped commands, reactions that feed
 /// or drain the machine.
@@ -166,10 +158,10 @@ class OfflineRun {
  public:
   /// Runs from the simulation's current time to `end`. `commands` must be sorted by time; the run
   /// ignores commands outside of it.
-  OfflineRun(Simulation& simulation, SampleTimes times, std::vector<ResolvedCommand> commands,
+  OfflineRun(Simulation& simulation, SampleTimes times, std::vector<TimedCommand> commands,
              double end);
 
-  const std::vector<ResolvedCommand>& commands() const { return commands_; }
+  const std::vector<TimedCommand>& commands() const { return commands_; }
 
   /// Saves the state at `time` and continues from it; saves the end if that comes first.
   void saveStateAt(double time) { save_time_ = time; }
@@ -196,7 +188,7 @@ class OfflineRun {
 
   /// Number of commands rejected because they are NaN or infinite, and the first.
   std::uint64_t refusedCount() const { return refused_count_; }
-  const ResolvedCommand& firstRefused() const { return first_refused_; }
+  const TimedCommand& firstRefused() const { return first_refused_; }
   /// Number of commands outside of the run.
   std::size_t ignoredCount() const { return ignored_count_; }
   std::size_t pastCount() const { return past_count_; }
@@ -218,7 +210,7 @@ class OfflineRun {
 
   Simulation& simulation_;
   SampleTimes times_;
-  std::vector<ResolvedCommand> commands_;
+  std::vector<TimedCommand> commands_;
   double end_;
   double save_time_ = kNever;
   bool has_state_ = false;
@@ -231,7 +223,7 @@ class OfflineRun {
   std::size_t ignored_count_ = 0;
   std::size_t past_count_ = 0;
   std::uint64_t refused_count_ = 0;
-  ResolvedCommand first_refused_{};
+  TimedCommand first_refused_{};
   bool measures_sampling_ = false;
   double sampling_seconds_ = 0.0;
 };

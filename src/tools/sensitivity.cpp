@@ -209,7 +209,7 @@ Sensitivity::~Sensitivity() = default;
 
 Sensitivity::Sensitivity(const ParameterTree& tree, const SceneReader& read,
                          const std::vector<std::string>& paths,
-                         const std::vector<ResolvedCommand>& commands) {
+                         const std::vector<TimedCommand>& commands) {
   std::vector<Parameter> by;
   for (const std::string& path : paths) {
     if (path.find('@') != std::string::npos) continue;
@@ -233,7 +233,7 @@ Sensitivity::Sensitivity(const ParameterTree& tree, const SceneReader& read,
       seed.input = findInput(scene.inputs, path.substr(0, place));
       const bool is_number = readWhole(path.substr(place + 1), &seed.time);
       double nearest = std::numeric_limits<double>::infinity();
-      for (const ResolvedCommand& it : commands) {
+      for (const TimedCommand& it : commands) {
         if (it.input != seed.input) continue;
         if (std::abs(it.time - seed.time) < std::abs(nearest - seed.time)) nearest = it.time;
       }

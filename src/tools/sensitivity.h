@@ -30,7 +30,7 @@ class Sensitivity {
   /// which have to be among `commands`. Throws SceneError for others, and for a scene whose motion
   /// has no series.
   Sensitivity(const ParameterTree& tree, const SceneReader& read,
-              const std::vector<std::string>& paths, const std::vector<ResolvedCommand>& commands);
+              const std::vector<std::string>& paths, const std::vector<TimedCommand>& commands);
   ~Sensitivity();
 
   /// Returns "d(load/velocity)/d(drive/inertia)", ..: for each path, of each shaft angle, velocity,

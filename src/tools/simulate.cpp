@@ -105,7 +105,7 @@ double secondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-std::vector<ResolvedCommand> readCommands(const SimulateOptions& options, const Scene& scene) {
+std::vector<TimedCommand> readCommands(const SimulateOptions& options, const Scene& scene) {
   if (options.commands_path.empty()) return {};
   return resolveCommands(readCommandFile(options.commands_path), scene, options.commands_path);
 }
@@ -204,13 +204,11 @@ int finish(Simulation& simulation, OfflineRun& offline_run, const SimulateOption
 int report(Simulation& simulation, OfflineRun& offline_run, const SimulateOptions& options,
            bool reader_has_gone, int exit_status) {
   if (offline_run.refusedCount() > 0) {
-    const ResolvedCommand& first = offline_run.firstRefused();
-    const auto input = static_cast<std::size_t>(first.input);
+    const TimedCommand& first = offline_run.firstRefused();
     std::fprintf(
         stderr, "simulate: warning: %llu commands refused, not finite; the first: %s:%d, on '%s'\n",
         static_cast<unsigned long long>(offline_run.refusedCount()),
-        escaped(options.commands_path, 300).c_str(), first.line,
-        escaped(simulation.scene().inputs[input].topic, 300).c_str());
+        escaped(options.commands_path, 300).c_str(), first.line, escaped(first.topic, 300).c_str());
   }
   if (!simulation.status().ok()) {
     std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
@@ -404,7 +402,7 @@ int runSamples(Simulation& simulation, const SimulateOptions& options) {
   const SampleTimes times = !options.times.empty()
                                 ? SampleTimes::at(options.times)
                                 : SampleTimes::atRate(options.rate, span.begin, span.end);
-  std::vector<ResolvedCommand> commands = readCommands(options, simulation.scene());
+  std::vector<TimedCommand> commands = readCommands(options, simulation.scene());
   if (options.compare_principles) {
     return comparePrinciples(simulation, commands, times, span.end, options) ? kSuccess : kStopped;
   }

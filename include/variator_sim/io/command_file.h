@@ -16,9 +16,10 @@ class CommandFileError : public Error {
 
 struct TimedCommand {
   double time = 0.0;   ///< s, >= 0
-  std::string topic;   ///< not yet known to exist in the scene
+  std::string topic;   ///< of the input, which a file need not have
   double value = 0.0;  ///< unit of the input; may be NaN or infinite: the simulation rejects those
   int line = 0;        ///< in the file, from 1, for messages
+  int input = -1;      ///< index into Scene::inputs, once it is found by the topic
 };
 
 /// Returns the commands in order of time; at equal times in the order of the file. Fields are those
