@@ -50,12 +50,8 @@ RunRequest makeRequest(double duration, double rate, const py::object& times,
   request.has_times = !times.is_none();
   if (request.has_times) request.times = times.cast<std::vector<double>>();
   for (const auto& [time, topic, value] : commands) {
-    TimedCommand command;
-    command.time = time;
-    command.topic = topic;
-    command.value = value;
-    command.line = static_cast<int>(request.commands.size());
-    request.commands.push_back(command);
+    const int line = static_cast<int>(request.commands.size());
+    request.commands.push_back({time, topic, value, line});
   }
   request.columns = readColumnGroups(columns);
   request.until_rest = until_rest;
@@ -86,70 +82,6 @@ void bindSweep(py::module& module) {
         return py::make_tuple(Array({samples, columns}, row.values.data()), row.reason);
       });
 }
-
-// --- fast calls
-
-/// Returns the simulation of an object, or nullptr before its `__init__`.
-PythonSimulation* find(PyObject* self) {
-  const auto* const instance = reinterpret_cast<const py::detail::instance*>(self);
-  void* const* const values = instance->simple_layout ? instance->simple_value_holder
-                                                      : instance->nonsimple.values_and_holders;
-  return values == nullptr ? nullptr : static_cast<PythonSimulation*>(values[0]);
-}
-
-PyObject* advance(PythonSimulation& simulation, PyObject* duration) {
-  if (!PyFloat_CheckExact(duration)) return nullptr;
-  if (!simulation.tryAdvance(PyFloat_AS_DOUBLE(duration))) return nullptr;
-  Py_RETURN_NONE;
-}
-
-PyObject* read(PythonSimulation& simulation, PyObject* column) {
-  double value;
-  return simulation.tryRead(column, &value) ? PyFloat_FromDouble(value) : nullptr;
-}
-
-/// A method that tries `kShort`, which returns nullptr, without effect, if it does not apply.
-template <PyObject* (*kShort)(PythonSimulation&, PyObject*)>
-class FastCall {
- public:
-  /// Replaces the method `name` permanently.
-  static void put(const py::object& type, const char* name) {
-    bound_ = py::object(type.attr(name)).release().ptr();
-    definition_ = {name, reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(&call)),
-                   METH_FASTCALL | METH_KEYWORDS, nullptr};
-    auto* const python_type = reinterpret_cast<PyTypeObject*>(type.ptr());
-    type.attr(name) =
-        py::reinterpret_steal<py::object>(PyDescr_NewMethod(python_type, &definition_));
-  }
-
- private:
-  static PyObject* call(PyObject* self, PyObject* const* arguments, Py_ssize_t count,
-                        PyObject* names) {
-    if (count == 1 && names == nullptr) {
-      PythonSimulation* const simulation = find(self);
-      if (simulation != nullptr) {
-        if (PyObject* const result = kShort(*simulation, arguments[0])) return result;
-      }
-    }
-    const Py_ssize_t named = names == nullptr ? 0 : PyTuple_GET_SIZE(names);
-    std::vector<PyObject*> all{self};
-    all.insert(all.end(), arguments, arguments + count + named);
-    return PyObject_Vectorcall(bound_, all.data(), static_cast<std::size_t>(count) + 1, names);
-  }
-
-  inline static PyObject* bound_ = nullptr;
-  inline static PyMethodDef definition_{};
-};
-
-/// Puts fast paths, past pybind11's dispatch, before `advance` and `[column]` of Simulation, which
-/// controllers in lockstep call a million times: for one argument of the expected type and no
-/// failure; other calls take the bound methods.
-void addFastCalls(const py::object& simulation_type) {
-  FastCall<&advance>::put(simulation_type, "advance");
-  FastCall<&read>::put(simulation_type, "__getitem__");
-}
-
-// --- bindings
 
 void translateErrors() {
   // (pybind11 calls it by value.) NOLINTNEXTLINE(performance-unnecessary-value-param)
@@ -277,7 +209,6 @@ void bindSimulation(py::module& module) {
           py::arg("duration"), py::arg("rate"), py::arg("times"), py::arg("commands"),
           py::arg("columns"), py::arg("until_rest"),
           py::arg("gradient") = std::vector<std::string>{});
-  addFastCalls(simulation);
   bindViews(simulation);
 }
 

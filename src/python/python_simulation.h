@@ -130,22 +130,6 @@ class PythonSimulation {
 
   double time() { return get().time(); }
 
-  // --- Fast paths of the methods below; they return false when they do not apply.
-  bool tryAdvance(double duration) {
-    Simulation& simulation = simulation_;
-    const double time = simulation.time() + duration;
-    return !is_busy_ && duration >= 0.0 && time <= simulation.quietUntil() && std::isfinite(time) &&
-           simulation.advanceTo(time).ok();
-  }
-  bool tryRead(PyObject* column, double* value) {
-    if (is_busy_) return false;
-    const Sample& taken = simulation_.sample();
-    return simulation_.status().ok() && layout_.read(taken, column, value);
-  }
-  py::object read(const py::object& column) { return sample()[column]; }
-
-  // --- Any call
-
   void advanceTo(const py::object& time) { advanceTo(toNumber(time, "time")); }
   void advanceTo(double time) {
     Simulation& simulation = get();
@@ -195,6 +179,13 @@ class PythonSimulation {
     }
     throw std::invalid_argument("command on " + inQuotes(topic) + ": " + formatNumber(value) +
                                 "; allowed: any finite number");
+  }
+  py::object read(const py::object& column) {
+    const Sample& taken = get().sample();
+    check();
+    double value;
+    if (layout_.read(taken, column.ptr(), &value)) return py::float_(value);
+    return layout_.make(taken)[column];  // raises the error that tells what is allowed
   }
   py::object sample() {
     const Sample& taken = get().sample();
