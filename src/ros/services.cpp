@@ -140,17 +140,18 @@ std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, bool has_e
       response.message = answer.describeFault();
     });
   };
+  const auto answer_to = [&scene, &loop, has_errors](RequestKind kind) {
+    return [&scene, &loop, has_errors, kind](const auto& message, auto& response) {
+      LoopRequest request{kind};
+      response.message = read(message, scene, request);
+      if (response.message.empty()) fill(loop.submit(request), scene, has_errors, response);
+    };
+  };
   return {serve_trigger(pause_handle, "pause", RequestKind::kPause),
           serve_trigger(private_handle, "resume", RequestKind::kResume),
           serve_trigger(private_handle, "reset", RequestKind::kReset),
           serve_trigger(private_handle, "reset_time", RequestKind::kResetTime),
-          serve<Step>(private_handle, "step",
-                      [&scene, &loop, has_errors](const auto& message, auto& response) {
-                        LoopRequest request{RequestKind::kStep};
-                        response.message = read(message, scene, request);
-                        if (response.message.empty())
-                          fill(loop.submit(request), scene, has_errors, response);
-                      }),
+          serve<Step>(private_handle, "step", answer_to(RequestKind::kStep)),
           serve<GetState>(private_handle, "get_state",
                           [&scene, &loop, has_errors](const auto&, auto& response) {
                             LoopRequest request{RequestKind::kGetState};
@@ -162,13 +163,7 @@ std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, bool has_e
                             fill(loop.submit(request), scene, has_errors, response);
                             if (response.success) response.text = toYaml(toTree(*state, scene));
                           }),
-          serve<SetState>(private_handle, "set_state",
-                          [&scene, &loop, has_errors](const auto& message, auto& response) {
-                            LoopRequest request{RequestKind::kSetState};
-                            response.message = read(message, scene, request);
-                            if (response.message.empty())
-                              fill(loop.submit(request), scene, has_errors, response);
-                          })};
+          serve<SetState>(private_handle, "set_state", answer_to(RequestKind::kSetState))};
 }
 
 }  // namespace variator_sim
