@@ -142,7 +142,7 @@ bool sameBits(const Sample& a, const Sample& b) {
 TEST_F(ScriptedLoop, AllocatesNothingPerTick) {
   settings_.publish_rate = 1000.0;
   make(kScene);
-  loop_->setSamplesWanted(true);
+  loop_->setWanted(Topics().set(kStates));
   clock_.on_sleep_ = [&](int tick) {
     if (tick == 100) counting = true;
     if (tick % 7 == 0) loop_->command({0, std::sin(0.01 * tick)});
@@ -167,8 +167,7 @@ TEST(SteppingLoop, CountsTheEventsThatNobodyIsTold) {
           "shafts: [a]\na: {inertia: 1}\nvariables: [n]\nn: {initial: 0}\nevents: [turn]\n"
           "turn: {when: sin(5000*t), direction: both, set: {n: n + 1}}\n")),
       settings, clock);
-  loop.setSamplesWanted(true);
-  loop.setEventsWanted(true);
+  loop.setWanted(Topics().set(kStates).set(kEvents));
   clock.on_sleep_ = [&](int tick) {
     if (tick == 60) loop.stop();  // of 20 ms each
   };
@@ -212,8 +211,7 @@ std::vector<TimedSample> runForEnergy(int from, LoopSnapshot* snapshot) {
   ScriptedClock clock;
   NodeSettings settings;
   SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
-  loop.setSamplesWanted(true);
-  loop.setEnergyWanted(from == 0);
+  loop.setWanted(Topics().set(kStates).set(kEnergy, from == 0));
   std::vector<TimedSample> samples;
   TimedSample timed;
   allocations = 0;
@@ -221,11 +219,11 @@ std::vector<TimedSample> runForEnergy(int from, LoopSnapshot* snapshot) {
   clock.on_sleep_ = [&](int tick) {
     counting = false;
     while (loop.popSample(timed)) {
-      if (timed.has_energy) samples.push_back(timed);
+      if (timed.topics[kEnergy]) samples.push_back(timed);
     }
     while (loop.popSnapshot(*snapshot)) {
     }
-    if (tick == from) loop.setEnergyWanted(true);
+    if (tick == from) loop.setWanted(Topics().set(kStates).set(kEnergy));
     if (tick % 300 == 0) loop.command({0, 0.01 * tick});
     if (tick == 3000) {
       loop.stop();
@@ -279,10 +277,10 @@ TEST(SteppingLoop, EnergyCountsFromTheStartForWhoComesLate) {
 }
 
 /// Some values of `simulation` at its present, group after group.
-std::vector<double> quantitiesOf(Simulation& simulation, QuantityGroups groups) {
+std::vector<double> quantitiesOf(Simulation& simulation, Topics topics) {
   std::vector<double> values;
   for (const QuantityGroup group : kQuantityGroups) {
-    if (!groups[static_cast<std::size_t>(group)]) continue;
+    if (!topics[static_cast<std::size_t>(group)]) continue;
     const std::size_t begin = values.size();
     values.resize(begin + simulation.quantityNames(group).size());
     simulation.calcQuantities(group, values.data() + begin);
@@ -292,16 +290,17 @@ std::vector<double> quantitiesOf(Simulation& simulation, QuantityGroups groups) 
 
 TEST_F(ScriptedLoop, BringsTheQuantitiesOfTheGroupsThatAreWanted) {
   const std::string scene = kScene + "outputs: [ratio]\nratio: {expression: w2/w1 + e1}\n";
-  QuantityGroups some;
+  const Topics none = Topics().set(kStates);
+  Topics some = none;
   some.set(static_cast<std::size_t>(QuantityGroup::kElements));
   some.set(static_cast<std::size_t>(QuantityGroup::kOutputs));
-  QuantityGroups others;
+  Topics others = none;
   others.set(static_cast<std::size_t>(QuantityGroup::kInputs));
   const auto wanted_at = [&](std::int64_t tick) {
-    return tick < 500 || tick >= 1500 ? QuantityGroups() : tick < 1000 ? some : others;
+    return tick < 500 || tick >= 1500 ? none : tick < 1000 ? some : others;
   };
   make(scene);
-  loop_->setSamplesWanted(true);
+  loop_->setWanted(Topics().set(kStates));
   Simulation offline(test::sceneFromText(scene));
   ASSERT_EQ(loop_->quantityCount(), 4u + 1u + 1u + 4u);  // G of two shafts, Z, the measure of gauss
   std::vector<double> values(loop_->quantityCount());
@@ -312,14 +311,14 @@ TEST_F(ScriptedLoop, BringsTheQuantitiesOfTheGroupsThatAreWanted) {
     counting = false;
     while (loop_->popSample(timed, values.data())) {
       offline.advanceTo(static_cast<double>(timed.time) / 1e9);
-      ASSERT_EQ(timed.groups, wanted_at(timed.time / kMs)) << timed.time;
-      const std::vector<double> expected = quantitiesOf(offline, timed.groups);
+      ASSERT_EQ(timed.topics, wanted_at(timed.time / kMs)) << timed.time;
+      const std::vector<double> expected = quantitiesOf(offline, timed.topics);
       // (An empty vector's data may be no pointer at all, which memcmp must not see.)
       ASSERT_TRUE(expected.empty() || std::memcmp(values.data(), expected.data(),
                                                   expected.size() * sizeof(double)) == 0);
       ++count;
     }
-    loop_->setQuantitiesWanted(wanted_at(tick));
+    loop_->setWanted(wanted_at(tick));
     if (tick % 150 == 0) {
       loop_->command({0, 0.01 * tick});
       offline.advanceTo(tick / 1000.0);
@@ -340,7 +339,7 @@ TEST_F(ScriptedLoop, BringsTheQuantitiesOfTheGroupsThatAreWanted) {
 TEST_F(ScriptedLoop, TakesACommandAtTheNextTickAndShowsItThere) {
   settings_.publish_rate = 1000.0;
   make(kScene);
-  loop_->setSamplesWanted(true);
+  loop_->setWanted(Topics().set(kStates));
   clock_.on_sleep_ = [&](int tick) {
     // Given while the loop waits for tick 50.
     if (tick == 50) loop_->command({0, 3.0});
@@ -388,7 +387,7 @@ TEST_F(ScriptedLoop, TicksInsideAStepChangeNothing) {
   const std::map<int, double> commands{{13, 4.0}, {44, -2.0}, {45, 1.0}, {230, 3.0}};
   settings_.publish_rate = 10.0;
   make(kOverdue);
-  loop_->setSamplesWanted(true);
+  loop_->setWanted(Topics().set(kStates));
   clock_.on_sleep_ = [&](int tick) {
     if (commands.count(tick) > 0) loop_->command({0, commands.at(tick)});
     if (tick == 500) loop_->stop();
@@ -489,7 +488,7 @@ void expectSamplesAsOffline(SteppingLoop& loop, const std::map<std::int64_t, dou
 // the motion that comes to rest again is the same, too.
 TEST_F(EventLoop, ARestChangesNeitherTicksNorSamples) {
   make(kRestingScene);
-  loop_->setSamplesWanted(true);
+  loop_->setWanted(Topics().set(kStates));
   clock_.at(501 * kMs + 400000, [&] { loop_->command({0, 3.0}); });
   clock_.at(520 * kMs + 1, [&] { loop_->command({0, 0.0}); });
   clock_.at(2455 * kMs + 1, [&] { loop_->stop(); });
@@ -502,7 +501,7 @@ TEST(SteppingLoop, ARestIsOneWaitPerSampleOrStatus) {
     EventClock clock;
     NodeSettings settings;
     SteppingLoop loop(Simulation(test::sceneFromText(kRestingScene)), settings, clock);
-    loop.setSamplesWanted(wanted);
+    loop.setWanted(Topics().set(kStates, wanted));
     clock.at(10005 * kMs, [&] { loop.stop(); });
     loop.run();
     // 10 Hz of status, or 100 Hz of states, for 10 s; the first tick notices the rest.
@@ -523,7 +522,7 @@ TEST(SteppingLoop, ARestIsOneWaitPerSampleOrStatus) {
 TEST_F(EventLoop, AllocatesNothingAtRest) {
   make(kRestingScene);
   clock_.at(100 * kMs, [&] { counting = true; });
-  clock_.at(1500 * kMs, [&] { loop_->setSamplesWanted(true); });
+  clock_.at(1500 * kMs, [&] { loop_->setWanted(Topics().set(kStates)); });
   clock_.at(2500 * kMs, [&] { loop_->command({0, 1.0}); });
   clock_.at(2510 * kMs, [&] { loop_->command({0, 0.0}); });
   clock_.at(2700 * kMs, [&] { loop_->setRealTimeFactor(2.0); });
@@ -538,7 +537,7 @@ TEST_F(EventLoop, AllocatesNothingAtRest) {
 
 TEST_F(EventLoop, ANewSubscriberIsServedDuringARest) {
   make(kRestingScene);
-  clock_.at(321 * kMs, [&] { loop_->setSamplesWanted(true); });
+  clock_.at(321 * kMs, [&] { loop_->setWanted(Topics().set(kStates)); });
   clock_.at(345 * kMs, [&] { loop_->stop(); });
   loop_->run();
   TimedSample timed;
@@ -555,7 +554,7 @@ TEST_F(EventLoop, APauseDuringARestFindsThePresent) {
   make(kRestingScene);
   clock_.submitAt(777 * kMs + 700000, *loop_, RequestKind::kPause);
   clock_.submitAt(900 * kMs, *loop_, RequestKind::kResume);
-  clock_.at(901 * kMs + 1, [&] { loop_->setSamplesWanted(true); });
+  clock_.at(901 * kMs + 1, [&] { loop_->setWanted(Topics().set(kStates)); });
   clock_.at(911 * kMs, [&] { loop_->stop(); });
   loop_->run();
   clock_.join();
@@ -572,7 +571,7 @@ TEST_F(EventLoop, APauseDuringARestFindsThePresent) {
 TEST_F(EventLoop, ANewRealTimeFactorMakesNeitherBurstNorStall) {
   settings_.publish_rate = 1000.0;
   make(kScene);
-  loop_->setSamplesWanted(true);
+  loop_->setWanted(Topics().set(kStates));
   std::vector<TimedSample> samples;
   const auto collect = [&] {
     TimedSample timed;
@@ -616,7 +615,7 @@ TEST_F(EventLoop, ANewRealTimeFactorMakesNeitherBurstNorStall) {
 
 TEST_F(EventLoop, ANewPublishRateCountsFromNow) {
   make(kScene);
-  loop_->setSamplesWanted(true);
+  loop_->setWanted(Topics().set(kStates));
   clock_.at(95 * kMs + 1, [&] { loop_->setPublishRate(200.0); });
   clock_.at(117 * kMs, [&] { loop_->stop(); });
   loop_->run();
@@ -634,7 +633,7 @@ TEST(SteppingLoop, TinyPublishRatesHangNothing) {
     NodeSettings settings;
     settings.publish_rate = rate;
     SteppingLoop loop(Simulation(test::sceneFromText(kScene)), settings, clock);
-    loop.setSamplesWanted(true);
+    loop.setWanted(Topics().set(kStates));
     clock.at(20 * kMs, [&] { loop.setPublishRate(rate / 2.0); });
     clock.at(50 * kMs, [&] { loop.stop(); });
     loop.run();
@@ -651,7 +650,7 @@ class FollowedClockTest : public LoopTest<FollowedClock> {
  protected:
   void start(const std::string& scene) {
     make(scene);
-    loop_->setSamplesWanted(true);
+    loop_->setWanted(Topics().set(kStates));
     thread_ = std::thread([this] { loop_->run(); });
   }
   void TearDown() override {

@@ -22,8 +22,10 @@ class Simulation;
 /// Numbered as in SimulationStatus.msg.
 enum class RunState : std::uint8_t { kRunning, kPaused, kSleeping, kStopped };
 
-/// A set of groups of quantities, by their values.
-using QuantityGroups = std::bitset<kQuantityGroups.size()>;
+/// What is published of a motion: the groups of quantities, by their values, and these.
+enum Topic : std::size_t { kEnergy = kQuantityGroups.size(), kEvents, kStates, kJoints, kClock };
+/// A set of them.
+using Topics = std::bitset<kClock + 1>;
 
 /// A command on its way to an input of the scene.
 struct InputCommand {
@@ -44,8 +46,8 @@ struct TimedSample {
   std::int64_t time = 0;        ///< simulated ns since the start or the last reset of time
   std::int64_t clock_time = 0;  ///< when it was taken, ns on the pacing clock; on a followed clock,
                                 ///< which moves by steps, when its tick was due
-  bool has_energy = false;      ///< energy was requested when the sample was taken
-  QuantityGroups groups;        ///< likewise: their values come with the sample, group after group
+  Topics topics;  ///< that were wanted then: the values of the groups come with it, one after the
+                  ///< other; energies are those of a motion that integrates them
 };
 
 /// A change of a mode, or an event of the scene, with its times as in TimedSample.

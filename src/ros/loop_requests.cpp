@@ -165,7 +165,7 @@ void SteppingLoop::serveStep() {
   }
   answer_.sample = takeSample();
   // noticeStop reports a stop with its sample.
-  if (simulation_.status().ok() && samples_wanted_.load(std::memory_order_relaxed)) {
+  if (simulation_.status().ok() && areSamplesWanted()) {
     handOver(answer_.sample);
   }
 }
@@ -185,7 +185,7 @@ void SteppingLoop::serveState() {
     }
   }
   answer_.sample = takeSample();
-  if (request_.kind == RequestKind::kSetState && samples_wanted_.load(std::memory_order_relaxed)) {
+  if (request_.kind == RequestKind::kSetState && areSamplesWanted()) {
     handOver(answer_.sample);
   }
 }

@@ -153,17 +153,17 @@ void SimulationServer::advertiseTopics() {
     refreshDemand();
     showState(subscriber);
   };
-  state_publisher_ =
+  publishers_[kStates] =
       private_handle_.advertise<DrivetrainState>("state", kStateQueue, greet, refresh);
-  energy_publisher_ =
+  publishers_[kEnergy] =
       private_handle_.advertise<DrivetrainEnergy>("energy", kStateQueue, refresh, refresh);
-  event_publisher_ = private_handle_.advertise<Event>("events", kEventQueue, refresh, refresh);
+  publishers_[kEvents] = private_handle_.advertise<Event>("events", kEventQueue, refresh, refresh);
   for (const QuantityGroup group : kQuantityGroups) {
-    quantity_publishers_[static_cast<std::size_t>(group)] =
+    publishers_[static_cast<std::size_t>(group)] =
         private_handle_.advertise<NamedValues>(toString(group), kStateQueue, refresh, refresh);
   }
-  joint_publisher_ = public_handle_.advertise<sensor_msgs::JointState>("joint_states", kStateQueue,
-                                                                       refresh, refresh);
+  publishers_[kJoints] = public_handle_.advertise<sensor_msgs::JointState>(
+      "joint_states", kStateQueue, refresh, refresh);
   scene_publisher_ = private_handle_.advertise<SceneInfo>("scene", 1, /*latch=*/true);
   status_publisher_ = private_handle_.advertise<SimulationStatus>("status", 10);
   scene_publisher_.publish(scene_message_);
@@ -209,7 +209,7 @@ void SimulationServer::setUpClock() {
       clock_requested_.store(true);
       loop_.sampleNews().post();
     };
-    clock_publisher_ = public_handle_.advertise<rosgraph_msgs::Clock>(
+    publishers_[kClock] = public_handle_.advertise<rosgraph_msgs::Clock>(
         "/clock", kClockQueue, greet,
         [this](const ros::SingleSubscriberPublisher&) { refreshDemand(); });
     if (ros::Time::isSystemTime()) {
@@ -301,17 +301,11 @@ void SimulationServer::runCallbacks(ros::CallbackQueue& queue) const {
 }
 
 void SimulationServer::refreshDemand() {
-  const bool energy_wanted = energy_publisher_.getNumSubscribers() > 0;
-  loop_.setEnergyWanted(energy_wanted);
-  loop_.setEventsWanted(event_publisher_.getNumSubscribers() > 0);
-  QuantityGroups groups_wanted;
-  for (std::size_t i = 0; i < groups_wanted.size(); ++i) {
-    groups_wanted[i] = quantity_publishers_[i].getNumSubscribers() > 0;
+  Topics wanted;
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    wanted[i] = publishers_[i].getNumSubscribers() > 0;
   }
-  loop_.setQuantitiesWanted(groups_wanted);
-  loop_.setSamplesWanted(
-      energy_wanted || groups_wanted.any() || state_publisher_.getNumSubscribers() > 0 ||
-      joint_publisher_.getNumSubscribers() > 0 || clock_publisher_.getNumSubscribers() > 0);
+  loop_.setWanted(wanted);
 }
 
 void SimulationServer::showState(const ros::SingleSubscriberPublisher& subscriber) {
@@ -368,7 +362,7 @@ ros::Time SimulationServer::stampOf(std::int64_t time, std::int64_t clock_time) 
 void SimulationServer::publishEvents() {
   TimedEvent timed;
   while (loop_.popEvent(timed)) {
-    publish(event_publisher_, stampOf(timed.time, timed.clock_time),
+    publish(publishers_[kEvents], stampOf(timed.time, timed.clock_time),
             toMessage(timed, scene_.eventNames()));
   }
   const std::uint64_t lost = loop_.droppedEvents();
@@ -381,7 +375,9 @@ void SimulationServer::publishEvents() {
 }
 
 void SimulationServer::publishSamples() {
-  const auto is_read = [](const ros::Publisher& it) { return it.getNumSubscribers() > 0; };
+  const auto is_read = [this](std::size_t topic) {
+    return publishers_[topic].getNumSubscribers() > 0;
+  };
   TimedSample timed;
   while (loop_.popSample(timed, quantities_.data())) {
     if (role_ == ClockRole::kOwner) {
@@ -392,31 +388,29 @@ void SimulationServer::publishSamples() {
     const Sample& sample = timed.sample;
     const ros::Time stamp = stampOf(timed.time, timed.clock_time);
     const double time = toSeconds(timed.time);
-    if (is_read(state_publisher_)) {
-      publish(state_publisher_, stamp, toState(sample, time, scene_, has_errors_));
+    if (is_read(kStates)) {
+      publish(publishers_[kStates], stamp, toState(sample, time, scene_, has_errors_));
     }
     const double* values = quantities_.data();
-    for (std::size_t i = 0; i < timed.groups.size(); ++i) {
-      if (!timed.groups[i]) continue;
-      const ros::Publisher& publisher = quantity_publishers_[i];
-      if (is_read(publisher))
-        publish(publisher, stamp, toMessage(values, time, quantity_names_[i]));
+    for (std::size_t i = 0; i < quantity_names_.size(); ++i) {
+      if (!timed.topics[i]) continue;
+      if (is_read(i)) publish(publishers_[i], stamp, toMessage(values, time, quantity_names_[i]));
       values += quantity_names_[i].size();
     }
-    if (timed.has_energy && is_read(energy_publisher_)) {
-      publish(energy_publisher_, stamp, toMessage(sample.energy, time));
+    if (timed.topics[kEnergy] && is_read(kEnergy)) {
+      publish(publishers_[kEnergy], stamp, toMessage(sample.energy, time));
     }
-    if (is_read(joint_publisher_)) publish(joint_publisher_, stamp, toJointState(sample, scene_));
+    if (is_read(kJoints)) publish(publishers_[kJoints], stamp, toJointState(sample, scene_));
   }
   publishEvents();
   if (clock_requested_.exchange(false)) publishClock();
 }
 
 void SimulationServer::publishClock() {
-  if (clock_publisher_.getNumSubscribers() == 0) return;
+  if (publishers_[kClock].getNumSubscribers() == 0) return;
   rosgraph_msgs::Clock message;
   message.clock = toStamp(published_time_);
-  clock_publisher_.publish(message);
+  publishers_[kClock].publish(message);
 }
 
 void SimulationServer::publishStatus() {

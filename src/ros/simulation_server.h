@@ -136,14 +136,9 @@ class SimulationServer {
   std::atomic<bool> stopping_{false};
 
   // Publishers may be used by any thread.
-  ros::Publisher state_publisher_;
-  ros::Publisher energy_publisher_;
-  ros::Publisher event_publisher_;
-  std::array<ros::Publisher, kQuantityGroups.size()> quantity_publishers_;
-  ros::Publisher joint_publisher_;
+  std::array<ros::Publisher, Topics().size()> publishers_;  ///< by Topic
   ros::Publisher scene_publisher_;
   ros::Publisher status_publisher_;
-  ros::Publisher clock_publisher_;
   Diagnostics diagnostics_;
 
   std::vector<ros::Subscriber> command_subscribers_;

@@ -62,8 +62,8 @@ void SteppingLoop::endPreparation() {
   clock_.wake();
 }
 
-void SteppingLoop::setSamplesWanted(bool wanted) {
-  if (samples_wanted_.exchange(wanted, std::memory_order_relaxed) != wanted) wakeIfIdle();
+void SteppingLoop::setWanted(Topics topics) {
+  if (wanted_.exchange(topics, std::memory_order_relaxed) != topics) wakeIfIdle();
 }
 
 void SteppingLoop::setRealTimeFactor(double factor) {
@@ -168,8 +168,7 @@ void SteppingLoop::applySettings() {
 
 void SteppingLoop::tick() {
   if (!moveToTick()) return;
-  const bool has_sample =
-      samples_due_.isDue(pacer_) && samples_wanted_.load(std::memory_order_relaxed);
+  const bool has_sample = samples_due_.isDue(pacer_) && areSamplesWanted();
   if (!isQuiet() || has_sample || commands_.read_available() > 0) {
     catchUp();
     if (noticeStop()) return;
@@ -218,7 +217,7 @@ void SteppingLoop::passOverRest() {
   const double ticks_per_slice = std::ceil(static_cast<double>(kSliceLength) / pacer_.period());
   std::int64_t needed =
       pacer_.tick() + std::max<std::int64_t>(1, static_cast<std::int64_t>(ticks_per_slice));
-  if (samples_wanted_.load(std::memory_order_relaxed)) {
+  if (areSamplesWanted()) {
     needed = std::min(needed, samples_due_.nextTick());
   }
   const bool can_wait = needed > pacer_.tick() + 1;
@@ -336,13 +335,12 @@ std::int64_t SteppingLoop::sampleTime() {
 
 TimedSample SteppingLoop::takeSample() {
   TimedSample timed;
-  timed.has_energy = energy_wanted_.load(std::memory_order_relaxed);
-  simulation_.trackEnergy(timed.has_energy);
+  timed.topics = wanted();
+  simulation_.trackEnergy(timed.topics[kEnergy]);
   timed.sample = simulation_.sample();
-  timed.groups = groups_wanted_.load(std::memory_order_relaxed);
   quantity_count_ = 0;
   for (const QuantityGroup group : kQuantityGroups) {
-    if (!timed.groups[static_cast<std::size_t>(group)]) continue;
+    if (!timed.topics[static_cast<std::size_t>(group)]) continue;
     simulation_.calcQuantities(group, quantities_.data() + quantity_count_);
     quantity_count_ += simulation_.quantityNames(group).size();
   }
@@ -365,7 +363,7 @@ void SteppingLoop::pushSample() {
 }
 
 void SteppingLoop::pushEvents() {
-  const bool is_wanted = events_wanted_.load(std::memory_order_relaxed);
+  const bool is_wanted = wanted()[kEvents];
   const std::uint64_t lost = simulation_.lostModeEvents();
   TimedEvent timed;
   bool has_news = false;

@@ -106,16 +106,8 @@ class SteppingLoop {
   std::uint64_t droppedEvents() const {
     return events_.dropped() + lost_events_.load(std::memory_order_relaxed);
   }
-  /// Turns samples at publish_rate on or off.
-  void setSamplesWanted(bool wanted);
-  /// Turns the energies of samples on or off.
-  void setEnergyWanted(bool wanted) { energy_wanted_.store(wanted, std::memory_order_relaxed); }
-  /// Turns events on or off.
-  void setEventsWanted(bool wanted) { events_wanted_.store(wanted, std::memory_order_relaxed); }
-  /// Selects the groups of quantities in samples.
-  void setQuantitiesWanted(QuantityGroups groups) {
-    groups_wanted_.store(groups, std::memory_order_relaxed);
-  }
+  /// Selects what samples have, which are taken at publish_rate if anything is wanted of them.
+  void setWanted(Topics topics);
   /// Ends `run`; requests from then on, and one under way, are answered with kShutDown.
   void stop();
   /// Sets the simulated s per s of the clock, >= 0 (0: unpaced), from the current time on:
@@ -132,6 +124,8 @@ class SteppingLoop {
 
   enum Idleness : int { kAwake, kResting, kWaiting, kLent };
 
+  Topics wanted() const { return wanted_.load(std::memory_order_relaxed); }
+  bool areSamplesWanted() const { return wanted().reset(kEvents).any(); }
   bool isStopping() const { return stopping_.load(std::memory_order_relaxed); }
   bool isIdle() const {
     return paused_ || !clock_started_ || is_preparing_ ||
@@ -205,10 +199,7 @@ class SteppingLoop {
   /// Not kAwake: a command has to wake the stepping thread. The thread that moves it from kWaiting
   /// to kLent owns the stepping thread's data until it moves it back.
   std::atomic<int> idle_{kAwake};
-  std::atomic<bool> samples_wanted_{false};
-  std::atomic<bool> energy_wanted_{false};
-  std::atomic<bool> events_wanted_{false};
-  std::atomic<QuantityGroups> groups_wanted_{QuantityGroups()};
+  std::atomic<Topics> wanted_{Topics()};
   std::atomic<bool> settings_changed_{false};
   std::atomic<double> wanted_factor_;
   std::atomic<double> wanted_publish_rate_;
