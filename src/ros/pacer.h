@@ -1,6 +1,8 @@
 /// Decides when the next tick may begin. Time is injected, so tests simulate hours at once.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "ros/pacing_clock.h"
@@ -37,25 +39,67 @@ class Pacer {
 
   /// `period` in ns of the clock, >= 0; 0: unpaced, every tick is due at once. `clock` must outlive
   /// this pacer.
-  Pacer(PacingClock& clock, double period);
+  Pacer(PacingClock& clock, double period)
+      : clock_(clock), followed_(clock.isFollowed()), period_(period) {}
 
   /// Counts deadlines from now, after a pause, a reset or a change of period.
-  void anchor();
+  void anchor() {
+    anchor_ = clock_.now();
+    tick_ = 0;
+  }
   /// Sets a period that counts from now and so causes neither a burst nor a stall. Drops a backlog
   /// of ticks and counts it as lost time.
-  void setPeriod(double period);
+  void setPeriod(double period) {
+    if (isPaced() && !followed_) {
+      counters_.lost_time += std::max<std::int64_t>(0, clock_.now() - dueTime(tick_ + 1));
+    }
+    period_ = period;
+    anchor();
+  }
 
   /// Sleeps until the next tick is due, at most about kLongestSleep. True when the tick may begin;
   /// false when it is not due yet: the caller then serves requests and calls again.
-  bool waitForTick();
+  bool waitForTick() {
+    std::int64_t now = clock_.now();
+    const std::int64_t due = isPaced() ? dueTime(tick_ + 1) : now;
+    if (now < due) {
+      clock_.sleepUntil(std::min(due, now + kLongestSleep));
+      now = clock_.now();
+      if (now < due) return false;
+    }
+    tick_start_ = now;
+    tick_due_ = due;
+    ++tick_;
+    ++counters_.ticks;
+    const std::int64_t behind = now - due;
+    lateness_ = followed_ ? 0 : behind;
+    if (static_cast<double>(lateness_) > period_) ++counters_.overruns;
+    if (behind > (followed_ ? kMostBehindFollowed : kMostBehind)) {
+      anchor_ += behind;
+      counters_.lost_time += behind;
+    }
+    return true;
+  }
 
   /// @name Only when paced: skipping unneeded ticks
   /// @{ Returns when tick n is due, ns on the clock.
-  std::int64_t dueTime(std::int64_t n) const;
+  std::int64_t dueTime(std::int64_t n) const {
+    return anchor_ + std::llround(static_cast<double>(n) * period_);
+  }
   /// Returns the last tick due by now; below tick() while the clock stands before the anchor.
-  std::int64_t lastDueTick() const;
+  std::int64_t lastDueTick() const {
+    const std::int64_t now = clock_.now();
+    auto n = static_cast<std::int64_t>(std::floor(static_cast<double>(now - anchor_) / period_));
+    // The quotient is rounded, and so are due times.
+    while (dueTime(n) > now) --n;
+    while (dueTime(n + 1) <= now) ++n;
+    return n;
+  }
   /// Makes the tick after `n` the next one, n >= tick().
-  void passOver(std::int64_t n);
+  void passOver(std::int64_t n) {
+    tick_ = n;
+    tick_due_ = dueTime(n);
+  }
   /// @}
 
   /// Index of the last tick, counted from the anchor.

@@ -1,10 +1,14 @@
 /// The clocks that pace ticks.
 #pragma once
 
+#include <sys/prctl.h>
+
 #include <atomic>
+#include <cerrno>
 #include <cstdint>
 #include <limits>
 
+#include "ros/nanoseconds.h"
 #include "ros/wakeup.h"
 
 namespace variator_sim {
@@ -40,9 +44,13 @@ class PacingClock {
 /// instead of Linux's 50 us.
 class SteadyClock : public PacingClock {
  public:
-  void prepareThread() override;
-  std::int64_t now() override;
-  void sleepUntil(std::int64_t deadline) override;
+  void prepareThread() override { prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL); }
+  std::int64_t now() override { return steadyTime(); }
+  void sleepUntil(std::int64_t deadline) override {
+    const timespec time = toTimespec(deadline);
+    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, nullptr) == EINTR) {
+    }
+  }
   void waitUntil(std::int64_t deadline) override { woken_.waitUntil(deadline); }
   void wake() override { woken_.post(); }
 
@@ -57,13 +65,29 @@ class FollowedClock : public PacingClock {
  public:
   /// One thread calls this. An initial 0 means that there is no time yet. Returns true when the
   /// clock has jumped back.
-  bool set(std::int64_t time);
+  bool set(std::int64_t time) {
+    const bool started = started_.load(std::memory_order_relaxed);
+    if (!started && time == 0) return false;
+    const bool jumped_back = started && time < time_.load();
+    time_.store(time);
+    // A thread that sees the jump also sees the time after it.
+    if (jumped_back) jumps_back_.fetch_add(1, std::memory_order_release);
+    if (!started) started_.store(true, std::memory_order_release);
+    if (jumped_back || !started || time >= awaited_.load()) woken_.post();
+    return jumped_back;
+  }
 
   static constexpr std::int64_t kLongestWait = 100000000;  ///< ns of wall time
 
   std::int64_t now() override { return time_.load(); }
   void sleepUntil(std::int64_t deadline) override { waitUntil(deadline); }
-  void waitUntil(std::int64_t deadline) override;
+  void waitUntil(std::int64_t deadline) override {
+    awaited_.store(deadline);
+    if (time_.load() < deadline) {
+      woken_.waitUntil(deadline == kForever ? kForever : steadyTime() + kLongestWait);
+    }
+    awaited_.store(kForever);
+  }
   void wake() override { woken_.post(); }
   bool hasStarted() override { return started_.load(std::memory_order_acquire); }
   std::uint64_t jumpsBack() override { return jumps_back_.load(std::memory_order_acquire); }
