@@ -70,16 +70,15 @@ std::string readAll(const TemporaryFile& file) {
   return content;
 }
 
-/// Waits for the end of a group's leader; returns its status. On an Interruption, if `ends_early`,
-/// it ends the group: by SIGINT, so that the leader removes its files, and soon by SIGKILL.
-int waitFor(pid_t child, bool ends_early) {
+/// Waits for the end of a group's leader; returns its status. On an Interruption it ends the group:
+/// by SIGINT, so that the leader removes its files, and soon by SIGKILL.
+int waitFor(pid_t child) {
   constexpr int kLooks = 35;  // of 20 ms after an Interruption
   int status = -1;
   int looks = 0;
   for (;;) {
-    const pid_t ended = ::waitpid(child, &status, ends_early ? WNOHANG : 0);
+    const pid_t ended = ::waitpid(child, &status, WNOHANG);
     if (ended == child || (ended < 0 && errno != EINTR)) return status;
-    if (!ends_early) continue;
     if (Interruption::isWanted() && looks++ % kLooks == 0) {
       ::kill(-child, looks == 1 ? SIGINT : SIGKILL);
     }
@@ -89,8 +88,7 @@ int waitFor(pid_t child, bool ends_early) {
 
 }  // namespace
 
-std::string runPythonFile(const std::string& name, std::string argument, const std::string& text,
-                          bool ends_early) {
+std::string runPythonFile(const std::string& name, std::string argument, const std::string& text) {
   const TemporaryFile input(std::tmpfile(), std::fclose);
   const TemporaryFile output(std::tmpfile(), std::fclose);
   const TemporaryFile errors(std::tmpfile(), std::fclose);
@@ -117,9 +115,9 @@ std::string runPythonFile(const std::string& name, std::string argument, const s
   ::posix_spawnattr_destroy(&attributes);
   ::posix_spawn_file_actions_destroy(&actions);
   if (error != 0) throw OutputError(python + " (python3) cannot be run: " + std::strerror(error));
-  const int status = waitFor(child, ends_early);
+  const int status = waitFor(child);
   std::string content = readAll(output);
-  if (status != 0 && ends_early) endIfInterrupted();
+  if (status != 0) endIfInterrupted();
   const std::string complaint = readAll(errors);
   if (status == 0) {
     writeBytes(STDERR_FILENO, complaint.data(), complaint.size());

@@ -34,10 +34,9 @@ void checkWritable(const std::string& path);
 
 /// Runs a file of the package's Python folder, which lies beside this program, with one argument
 /// and `input` on its standard input. Returns its standard output; throws OutputError with it, the
-/// reason, if it fails. `ends_early`: an Interruption ends it, and Interrupted is thrown, unless it
-/// has succeeded meanwhile.
-std::string runPythonFile(const std::string& name, std::string argument, const std::string& input,
-                          bool ends_early = false);
+/// reason, if it fails. An Interruption ends it, and Interrupted is thrown, unless it has succeeded
+/// meanwhile.
+std::string runPythonFile(const std::string& name, std::string argument, const std::string& input);
 
 /// Continues the simulation from the state in a file; missing values are the simulation's.
 /// Inconsistent values are projected if the scene's `initial/project` allows it. Throws SceneError.

@@ -343,7 +343,7 @@ int emitFmu(Simulation& simulation, const SimulateOptions& options) {
   });
   g_work = kWriting;
   try {
-    runPythonFile("fmu_archive.py", options.emit_fmu_path, description, /*ends_early=*/true);
+    runPythonFile("fmu_archive.py", options.emit_fmu_path, description);
   } catch (const Interrupted&) {
     std::fprintf(stderr, "simulate: interrupted; %s is not written\n",
                  inQuotes(options.emit_fmu_path).c_str());
