@@ -532,14 +532,11 @@ class PythonTest(TestCase):
 
     def test_objects_that_nothing_has_made(self):
         compiled = variator_sim.Simulation.__base__
-        for kind in (compiled, variator_sim.LinearModel):
-            for name in [name for name in vars(kind) if not name.startswith("__")] + ["__repr__"]:
-                with self.subTest(kind=kind, name=name), self.assertRaises(TypeError):
-                    empty = kind.__new__(kind)
-                    value = getattr(empty, name)
-                    value()
-                    self.assertIs(kind, compiled)
-                    raise TypeError(repr(value))  # of an object as any other
+        for name in [name for name in vars(compiled) if not name.startswith("__")] + ["__repr__"]:
+            with self.subTest(name=name), self.assertRaises(TypeError):
+                value = getattr(compiled.__new__(compiled), name)
+                value()
+                raise TypeError(repr(value))  # of an object as any other
         with self.assertRaises(TypeError):
             variator_sim.Simulation.__new__(variator_sim.Simulation)["time"]
 
@@ -609,11 +606,10 @@ for call in (lambda: simulation.advance(-0.5), lambda: variator_sim.simulate(sto
         folder = pathlib.Path(variator_sim.running.__file__).parent
         self.assertTrue((folder / "py.typed").exists())
         stub = (folder / "_core.pyi").read_text(encoding="utf-8")
-        for kind in (variator_sim.Simulation.__base__, variator_sim.LinearModel):
-            for name in vars(kind):
-                if not name.startswith("_"):
-                    self.assertIn(f"def {name}(", stub)
-        for kind in (variator_sim.Simulation, variator_sim.Sample, variator_sim.SteadyState):
+        for name in vars(variator_sim.Simulation.__base__):
+            if not name.startswith("_"):
+                self.assertIn(f"def {name}(", stub)
+        for kind in (variator_sim.Simulation, variator_sim.Sample, variator_sim.LinearModel, variator_sim.SteadyState):
             for name, value in vars(kind).items():
                 if not name.startswith("_"):
                     self.assertTrue(value.__doc__, name)

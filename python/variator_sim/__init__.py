@@ -11,16 +11,12 @@
 No ROS master is needed. The messages lie beside: `variator_sim.msg`, `variator_sim.srv`.
 """
 
-from variator_sim._core import LinearModel
 from variator_sim.errors import MotionStopped, NoSteadyState, SceneError
-from variator_sim.linear_model_files import save
 from variator_sim.optimal import Programme, optimise
 from variator_sim.recordings import read_run
 from variator_sim.running import Result, simulate
-from variator_sim.simulation import Sample, Simulation, SteadyState
+from variator_sim.simulation import LinearModel, Sample, Simulation, SteadyState
 from variator_sim.sweeps import Table, read_table, sweep
-
-LinearModel.save = save
 
 __all__ = ["LinearModel", "MotionStopped", "NoSteadyState", "Programme", "Result", "Sample", "SceneError",
            "Simulation", "SteadyState", "Table", "optimise", "read_table", "simulate", "sweep"]

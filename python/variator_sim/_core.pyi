@@ -11,58 +11,6 @@ from variator_sim.simulation import Sample
 Scene = Union[str, "os.PathLike[str]", Mapping[str, Any]]
 Array = NDArray[numpy.float64]
 
-class LinearModel:
-    """x' = A x + B u, y = C x + D u, in deviations from one instant of a motion.
-
-    What the states mean: doc/linear_models.md. `print(model)` is the command line's report.
-    """
-
-    @property
-    def A(self) -> Array:
-        """States x states, 1/s and the states' units."""
-    @property
-    def B(self) -> Array:
-        """States x inputs."""
-    @property
-    def C(self) -> Array:
-        """Outputs x states."""
-    @property
-    def D(self) -> Array:
-        """Outputs x inputs."""
-    @property
-    def x(self) -> Array:
-        """The states there."""
-    @property
-    def u(self) -> Array:
-        """The commands there."""
-    @property
-    def y(self) -> Array:
-        """The outputs there."""
-    @property
-    def x_rate(self) -> Array:
-        """x' there; zeros, but for angles, say that the state is steady."""
-    @property
-    def time(self) -> float:
-        """s"""
-    @property
-    def states(self) -> List[str]:
-        """Names, such as "drive/velocity"; "inputs/throttle" is that of a lag."""
-    @property
-    def inputs(self) -> List[str]:
-        """Names of the commanded inputs."""
-    @property
-    def outputs(self) -> List[str]:
-        """Names, as columns of `simulate`."""
-    @property
-    def notes(self) -> List[str]:
-        """Notes on the validity of the numbers."""
-    @property
-    def eigenvalues(self) -> NDArray[numpy.complex128]:
-        """Eigenvalues of A, 1/s, the slowest first."""
-    def save(self, path: Union[str, "os.PathLike[str]"]) -> None:
-        """Writes .npz, .csv or .mat, as `simulate --linearize --output` does."""
-    def _csv(self) -> str: ...
-
 class Simulation:
     """What of variator_sim.Simulation is compiled."""
 
@@ -114,17 +62,6 @@ class Simulation:
         `time` (s), `element`, `from`, `to`, `torque` (N m), `impulse` (N m s)."""
     def reset(self) -> None:
         """Back to time 0 and the scene's start; commands and counts are forgotten."""
-    def linearize(self, state: Optional[Mapping[str, Any]] = None, *, project: bool = False,
-                  full: bool = False) -> LinearModel:
-        """The linear model at the present, from exact derivatives; the motion stays where it is.
-
-        Args:
-            state: there instead; what `set_state` takes, with `project` as there.
-            full: all of (phi, omega, epsilon) as states instead of coordinates on the constraints.
-
-        Raises:
-            SceneError: where there is no model: C has lost rank, or a corner of the constraint.
-        """
     @property
     def outputs(self) -> Dict[str, float]:
         """The scene's named outputs at the present."""
@@ -184,6 +121,8 @@ class Simulation:
     def _run(self, duration: float, rate: float, times: Optional[Sequence[float]],
              commands: Sequence[Tuple[float, str, float]], columns: str,
              until_rest: bool, gradient: Sequence[str] = ...) -> Tuple[Any, ...]: ...
+    def _linearize(self, state: Optional[Mapping[str, Any]], project: bool,
+                   full: bool) -> Tuple[str, List[complex], List[str], str]: ...
     def _trim(self, fix: Sequence[Tuple[str, float]], free: Sequence[Tuple[str, float]],
               accelerating: bool) -> Tuple[str, List[Tuple[Any, ...]]]: ...
     def _residuals(self, accelerations: Array) -> Array: ...

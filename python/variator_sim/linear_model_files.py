@@ -1,14 +1,13 @@
 """Makes files of NumPy and MATLAB of linear models.
 
 `simulate --linearize` runs this file by itself: it reads the model as CSV from standard input and writes the
-content of the file to standard output, or the reason why there is none (exit status 1). So what it runs imports nothing
-of the package, whose compiled module is not needed there.
+content of the file to standard output, or the reason why there is none (exit status 1). So it imports nothing of the
+package, whose compiled module is not needed here.
 """
 
 import collections
 import csv
 import io
-import os
 import sys
 
 SHAPES = {"A": ("states", "states"), "B": ("states", "inputs"), "C": ("outputs", "states"), "D": ("outputs", "inputs"),
@@ -16,7 +15,8 @@ SHAPES = {"A": ("states", "states"), "B": ("states", "inputs"), "C": ("outputs",
 NAMED_BY = {"states": "x", "inputs": "u", "outputs": "y"}
 
 
-def _read(text):
+def read(text):
+    """Names and arrays of a model's CSV: "states", "A", .."""
     import numpy
     rows = collections.defaultdict(list)
     for row in csv.DictReader(io.StringIO(text)):
@@ -33,14 +33,14 @@ def _read(text):
 def _write_npz(text, file):
     import numpy
     if text:
-        numpy.savez(file, **_read(text))
+        numpy.savez(file, **read(text))
 
 
 def _write_mat(text, file):
     import scipy.io
     if text:
         columns = {name: array[:, None] if name in SHAPES and array.ndim == 1 else array
-                   for name, array in _read(text).items()}
+                   for name, array in read(text).items()}
         scipy.io.savemat(file, columns, format="4")
 
 
@@ -60,16 +60,6 @@ def convert(text, ending):
         raise ImportError(f"{ending} needs {package} ({error}): 'apt install {package}' installs it, "
                           "and .csv needs nothing") from error
     return file.getvalue()
-
-
-def save(model, path):
-    """Writes .npz, .csv or .mat, as `simulate --linearize --output` does."""
-    from variator_sim.files import write_bytes
-    ending = os.path.splitext(os.fspath(path))[1]
-    if ending != ".csv" and ending not in WRITERS:
-        raise ValueError(f"'{path}' ends neither with .csv nor with .npz nor with .mat")
-    table = model._csv()
-    write_bytes(path, table.encode() if ending == ".csv" else convert(table, ending))
 
 
 def main():

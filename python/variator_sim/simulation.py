@@ -2,20 +2,22 @@
 
 import collections.abc
 import dataclasses
+import os
 import warnings
 from typing import Any, Dict, Iterable, Iterator, List, Mapping, Union
 
 import numpy
 from numpy.typing import ArrayLike
 
-from variator_sim import _core
+from variator_sim import _core, linear_model_files
 from variator_sim.checks import did_you_mean, shown
 from variator_sim.errors import NoSteadyState, SceneError
+from variator_sim.files import write_bytes
 from variator_sim.running import Result, record
 
 
-class _Quantity:
-    """An array of a sample, a copy: one number for each shaft, or constraint."""
+class _Array:
+    """An array of a sample or a model, a copy."""
 
     def __init__(self, meaning):
         self.__doc__ = meaning
@@ -23,8 +25,8 @@ class _Quantity:
     def __set_name__(self, kind, name):
         self._name = name
 
-    def __get__(self, sample, kind=None) -> numpy.ndarray:
-        return self if sample is None else sample._numbers[sample._slices[self._name]].copy()
+    def __get__(self, owner, kind=None) -> numpy.ndarray:
+        return self if owner is None else owner._array(self._name).copy()
 
 
 class Sample(collections.abc.Mapping):
@@ -41,15 +43,18 @@ class Sample(collections.abc.Mapping):
         self._places = places  # of the columns among the numbers
         self._slices = slices  # of the arrays
 
-    angle = _Quantity("rad")
-    velocity = _Quantity("rad/s")
-    acceleration = _Quantity("rad/s^2")
-    applied_torque = _Quantity("N m, positive accelerates")
-    reaction_torque = _Quantity("N m")
-    reaction_torque_rate = _Quantity("R', N m/s")
-    reaction_torque_covariant_rate = _Quantity("G, N m/s; R' where the inertias are constant")
-    residual = _Quantity("Residual of each constraint, its own unit.")
-    multiplier = _Quantity("Multiplier of each constraint, lambda.")
+    angle = _Array("rad")
+    velocity = _Array("rad/s")
+    acceleration = _Array("rad/s^2")
+    applied_torque = _Array("N m, positive accelerates")
+    reaction_torque = _Array("N m")
+    reaction_torque_rate = _Array("R', N m/s")
+    reaction_torque_covariant_rate = _Array("G, N m/s; R' where the inertias are constant")
+    residual = _Array("Residual of each constraint, its own unit.")
+    multiplier = _Array("Multiplier of each constraint, lambda.")
+
+    def _array(self, name):
+        return self._numbers[self._slices[name]]
 
     @property
     def time(self) -> float:
@@ -81,6 +86,55 @@ class Sample(collections.abc.Mapping):
 
     def __repr__(self) -> str:
         return "Sample(" + ", ".join(f"{name}={_core._format(value)}" for name, value in self.items()) + ")"
+
+
+class LinearModel:
+    """x' = A x + B u, y = C x + D u, in deviations from one instant of a motion.
+
+    What the states mean: doc/linear_models.md. `print(model)` is the command line's report.
+
+    Attributes:
+        time: the instant, s.
+        states: names, such as "drive/velocity"; "inputs/throttle" is that of a lag.
+        inputs: names of the commanded inputs.
+        outputs: names, as columns of `simulate`.
+        notes: on the validity of the numbers.
+    """
+
+    def __init__(self, table, eigenvalues, notes, report):
+        self._table = table
+        self._arrays = {**linear_model_files.read(table), "eigenvalues": numpy.array(eigenvalues, dtype=complex)}
+        self._report = report
+        self.notes = notes
+        self.time = float(self._arrays["time"])
+        self.states, self.inputs, self.outputs = (self._arrays[name].tolist() for name in ("states", "inputs", "outputs"))
+
+    A = _Array("States x states, 1/s and the states' units.")
+    B = _Array("States x inputs.")
+    C = _Array("Outputs x states.")
+    D = _Array("Outputs x inputs.")
+    x = _Array("The states there.")
+    u = _Array("The commands there.")
+    y = _Array("The outputs there.")
+    x_rate = _Array("x' there; zeros, but for angles, say that the state is steady.")
+    eigenvalues = _Array("Eigenvalues of A, 1/s, the slowest first.")
+
+    def _array(self, name):
+        return self._arrays[name]
+
+    def save(self, path: Union[str, "os.PathLike[str]"]) -> None:
+        """Writes .npz, .csv or .mat, as `simulate --linearize --output` does."""
+        ending = os.path.splitext(os.fspath(path))[1]
+        if ending != ".csv" and ending not in linear_model_files.WRITERS:
+            raise ValueError(f"'{path}' ends neither with .csv nor with .npz nor with .mat")
+        write_bytes(path, self._table.encode() if ending == ".csv" else linear_model_files.convert(self._table, ending))
+
+    def __str__(self):
+        return self._report
+
+    def __repr__(self):
+        sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        return f"<LinearModel at {_core._format(self.time)} s: {sizes}>"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,6 +183,19 @@ class Simulation(_core.Simulation):
             columns: groups of columns as of `simulate`; other groups than before begin a new recording.
         """
         return record(self, columns)
+
+    def linearize(self, state: Union[None, Mapping[str, Any]] = None, *, project: bool = False,
+                  full: bool = False) -> LinearModel:
+        """The linear model at the present, from exact derivatives; the motion stays where it is.
+
+        Args:
+            state: there instead; what `set_state` takes, with `project` as there.
+            full: all of (phi, omega, epsilon) as states instead of coordinates on the constraints.
+
+        Raises:
+            SceneError: where there is no model: C has lost rank, or a corner of the constraint.
+        """
+        return LinearModel(*self._linearize(state, project, full))
 
     def trim(self, fix: Union[None, Mapping[str, float]] = None,
              free: Union[None, str, Iterable[str], Mapping[str, Union[None, float]]] = None, *,

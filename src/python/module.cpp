@@ -1,7 +1,6 @@
 /// The Python module variator_sim._core: its names and their bindings.
 
 #include <pybind11/complex.h>
-#include <pybind11/eigen.h>
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
@@ -97,45 +96,6 @@ void translateErrors() {
   });
 }
 
-/// Copies arrays: a view would keep the model alive, and be read-only.
-template <typename Member>
-auto copyOf(Member LinearModel::*member) {
-  return [member](const LinearModel& model) -> Member { return model.*member; };
-}
-
-void bindLinearModel(py::module& module) {
-  py::class_<LinearModel> model(module, "LinearModel");
-  // pybind11 would read the memory of an object that Python has made, which is not initialized.
-  reinterpret_cast<PyTypeObject*>(model.ptr())->tp_new = nullptr;
-  model.def_property_readonly("A", copyOf(&LinearModel::A))
-      .def_property_readonly("B", copyOf(&LinearModel::B))
-      .def_property_readonly("C", copyOf(&LinearModel::C))
-      .def_property_readonly("D", copyOf(&LinearModel::D))
-      .def_property_readonly("x", copyOf(&LinearModel::x))
-      .def_property_readonly("u", copyOf(&LinearModel::u))
-      .def_property_readonly("y", copyOf(&LinearModel::y))
-      .def_property_readonly("x_rate", copyOf(&LinearModel::x_rate))
-      .def_readonly("time", &LinearModel::time)
-      .def_readonly("states", &LinearModel::states)
-      .def_readonly("inputs", &LinearModel::inputs)
-      .def_readonly("outputs", &LinearModel::outputs)
-      .def_readonly("notes", &LinearModel::notes)
-      .def_property_readonly("eigenvalues",
-                             [](const LinearModel& self) {
-                               const auto values = calcEigenvalues(self);
-                               return Eigen::VectorXcd(Eigen::Map<const Eigen::VectorXcd>(
-                                   values.data(), static_cast<Eigen::Index>(values.size())));
-                             })
-      .def("_csv", &writeModel)
-      .def("__str__", [](const LinearModel& self) { return describeModel(self, true); })
-      .def("__repr__", [](const LinearModel& self) {
-        return "<LinearModel at " + formatNumber(self.time) +
-               " s: " + std::to_string(self.states.size()) + " states, " +
-               std::to_string(self.inputs.size()) + " inputs, " +
-               std::to_string(self.outputs.size()) + " outputs>";
-      });
-}
-
 /// Binds the read-only properties.
 void bindViews(py::class_<PythonSimulation>& simulation) {
   using Self = PythonSimulation;
@@ -193,8 +153,7 @@ void bindSimulation(py::module& module) {
       .def("set_state", &Self::setState, py::arg("state"), py::arg("project") = false)
       .def("reset", &Self::reset)
       .def("take_events", &Self::takeEvents)
-      .def("linearize", &Self::linearize, py::arg("state") = py::none(), py::kw_only(),
-           py::arg("project") = false, py::arg("full") = false)
+      .def("_linearize", &Self::linearize)
       .def("_trim", &Self::trim)
       .def("_residuals", &Self::residuals)
       .def("compile", &Self::compile)
@@ -219,7 +178,6 @@ PYBIND11_MODULE(_core, module) {
   using namespace variator_sim;
   namespace py = pybind11;
   python::translateErrors();
-  python::bindLinearModel(module);
   python::bindSimulation(module);
   python::bindSweep(module);
   module.def("_describe_scene", [](const py::object& scene, const py::object& overrides) {

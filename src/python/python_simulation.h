@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <complex>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -273,13 +274,15 @@ class PythonSimulation {
     return values;
   }
 
-  LinearModel linearize(const py::object& state, bool project, bool full) {
+  /// Returns the model as CSV, its eigenvalues, notes and report.
+  py::tuple linearize(const py::object& state, bool project, bool full) {
     Simulation& simulation = get();
     const bool is_here = state.is_none();
     if (is_here) sample();  // raises if the motion has stopped
     MotionState there;
     if (!is_here) there = readState(toDict(state, "state", kState));
     LinearModel model;
+    std::vector<std::complex<double>> eigenvalues;
     move([&] {
       std::unique_ptr<Simulation> other;  // the motion itself is not moved
       if (!is_here) {
@@ -290,8 +293,9 @@ class PythonSimulation {
       const OperatingPoint point = (is_here ? simulation : *other).operatingPoint();
       model =
           variator_sim::linearize(scene(), point, full ? LinearForm::kFull : LinearForm::kMinimal);
+      eigenvalues = calcEigenvalues(model);
     });
-    return model;
+    return py::make_tuple(writeModel(model), eigenvalues, model.notes, describeModel(model, true));
   }
   /// Returns what is told of the search, and each steady state with its residual, what is
   /// undetermined there, and its stability.
