@@ -87,7 +87,8 @@ TEST(XmlRpcTree, KeepsKindsAndValues) {
                                           {"list", Tree::list({Tree::integer(1), Tree::real(2.5)})},
                                           {"part", Tree::dictionary({{"deep", Tree::text("x")}})}});
   EXPECT_TRUE(equal(toParameterTree(value), expected)) << toYaml(toParameterTree(value));
-  EXPECT_EQ(toParameterTree(XmlRpc::XmlRpcValue()).kind(), ParameterTree::Kind::kDictionary);
+  XmlRpc::XmlRpcValue nothing;
+  EXPECT_EQ(toParameterTree(nothing).kind(), ParameterTree::Kind::kDictionary);
 }
 
 TEST(XmlRpcTree, RefusesBinaryDataByItsPath) {

@@ -144,8 +144,8 @@ SimulationServer::~SimulationServer() {
 }
 
 void SimulationServer::advertiseTopics() {
-  // A new subscriber of states is served from the next tick on, without polling; while there is no
-  // next tick, with the state that stands.
+  // A new subscriber is served from the next tick on, without polling; while there is no next tick,
+  // with the state that stands. One that goes is noticed with the next status.
   const ros::SubscriberStatusCallback refresh = [this](const ros::SingleSubscriberPublisher&) {
     refreshDemand();
   };
@@ -153,17 +153,16 @@ void SimulationServer::advertiseTopics() {
     refreshDemand();
     showState(subscriber);
   };
-  publishers_[kStates] =
-      private_handle_.advertise<DrivetrainState>("state", kStateQueue, greet, refresh);
+  publishers_[kStates] = private_handle_.advertise<DrivetrainState>("state", kStateQueue, greet);
   publishers_[kEnergy] =
-      private_handle_.advertise<DrivetrainEnergy>("energy", kStateQueue, refresh, refresh);
-  publishers_[kEvents] = private_handle_.advertise<Event>("events", kEventQueue, refresh, refresh);
+      private_handle_.advertise<DrivetrainEnergy>("energy", kStateQueue, refresh);
+  publishers_[kEvents] = private_handle_.advertise<Event>("events", kEventQueue, refresh);
   for (const QuantityGroup group : kQuantityGroups) {
     publishers_[static_cast<std::size_t>(group)] =
-        private_handle_.advertise<NamedValues>(toString(group), kStateQueue, refresh, refresh);
+        private_handle_.advertise<NamedValues>(toString(group), kStateQueue, refresh);
   }
-  publishers_[kJoints] = public_handle_.advertise<sensor_msgs::JointState>(
-      "joint_states", kStateQueue, refresh, refresh);
+  publishers_[kJoints] =
+      public_handle_.advertise<sensor_msgs::JointState>("joint_states", kStateQueue, refresh);
   scene_publisher_ = private_handle_.advertise<SceneInfo>("scene", 1, /*latch=*/true);
   status_publisher_ = private_handle_.advertise<SimulationStatus>("status", 10);
   scene_publisher_.publish(scene_message_);
@@ -209,9 +208,8 @@ void SimulationServer::setUpClock() {
       clock_requested_.store(true);
       loop_.sampleNews().post();
     };
-    publishers_[kClock] = public_handle_.advertise<rosgraph_msgs::Clock>(
-        "/clock", kClockQueue, greet,
-        [this](const ros::SingleSubscriberPublisher&) { refreshDemand(); });
+    publishers_[kClock] =
+        public_handle_.advertise<rosgraph_msgs::Clock>("/clock", kClockQueue, greet);
     if (ros::Time::isSystemTime()) {
       ROS_WARN(
           "%s: publish_clock is true, but /use_sim_time is not: other nodes stay on the wall "

@@ -45,13 +45,12 @@ std::string format(const char* pattern, double value) {
   return printed(pattern, value == 0.0 ? 0.0 : value);
 }
 
-std::string pad(std::string text, std::size_t width) {
-  if (text.size() < width) text.resize(width, ' ');
-  return text;
+std::string pad(const std::string& text, std::size_t width) {
+  return printed("%-*s", static_cast<int>(width), text.c_str());
 }
 
 std::string padLeft(const std::string& text, std::size_t width) {
-  return text.size() < width ? std::string(width - text.size(), ' ') + text : text;
+  return printed("%*s", static_cast<int>(width), text.c_str());
 }
 
 void addMatrix(const Part& part, std::string& text) {
