@@ -3,7 +3,6 @@
 #include <std_srvs/Trigger.h>
 #include <variator_sim/GetState.h>
 
-#include <algorithm>
 #include <boost/function.hpp>
 #include <cmath>
 #include <memory>
@@ -16,6 +15,7 @@
 #include "ros/stepping_loop.h"
 #include "variator_sim/io/yaml_text.h"
 #include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/overrides.h"
 
 namespace variator_sim {
 namespace {
@@ -49,56 +49,51 @@ void checkTime(double time) {
                        formatNumber(nearest) + " s");
 }
 
-/// Sets a state, `text` and the arrays of the message. Returns "", or why not.
-std::string setState(Simulation& simulation, const SetState::Request& message,
-                     const ParameterTree& text) {
+/// Returns the state of a message as one tree: its text, with the values of its arrays. Throws
+/// SceneError.
+ParameterTree stateOf(const SetState::Request& message, const Scene& scene) {
+  ParameterTree state = ParameterTree::dictionary();
+  if (!message.text.empty()) state = readYamlText(message.text, "text");
+  const std::pair<std::string, const std::vector<double>&> arrays[] = {
+      {"angle", message.angle},
+      {"velocity", message.velocity},
+      {"acceleration", message.acceleration}};
+  for (const auto& [name, values] : arrays) {
+    if (values.empty()) continue;
+    if (values.size() != scene.shafts.size()) {
+      throw SceneError("", name + " has " + std::to_string(values.size()) +
+                               " values; allowed: none, or one per shaft: " +
+                               std::to_string(scene.shafts.size()));
+    }
+    state.asDictionary().erase("history");  // of the text's own values
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      setValue(state, "shafts/" + scene.shafts[i] + "/" + name, ParameterTree::real(values[i]));
+    }
+  }
+  if (!state.asDictionary().empty()) return state;
+  throw SceneError("", "nothing is to be set: text, angle, velocity, acceleration are empty");
+}
+
+/// Returns "", or why the state is not set.
+std::string setState(Simulation& simulation, const ParameterTree& state, bool project) {
   MotionState present;
   if (!simulation.saveState(&present)) return simulation.describeStatus();
   try {
-    MotionState wanted = readMotionState(text, simulation.scene(), present);
-    const auto take = [&](const std::vector<double>& values, double* to) {
-      if (values.empty()) return false;
-      std::copy(values.begin(), values.end(), to);
-      wanted.history.exists = false;
-      return true;
-    };
-    take(message.angle, wanted.angle);
-    take(message.velocity, wanted.velocity);
-    if (take(message.acceleration, wanted.acceleration)) wanted.is_acceleration_given = true;
+    const MotionState wanted = readMotionState(state, simulation.scene(), present);
     checkTime(wanted.time);
-    return simulation.setState(wanted, message.project != 0);
+    return simulation.setState(wanted, project);
   } catch (const SceneError& error) {
     return error.what();
   }
 }
 
 std::string read(const SetState::Request& message, const Scene& scene, LoopRequest& request) {
-  bool is_any_given = !message.text.empty();
-  const std::pair<const char*, const std::vector<double>&> arrays[] = {
-      {"angle", message.angle},
-      {"velocity", message.velocity},
-      {"acceleration", message.acceleration}};
-  for (const auto& [name, values] : arrays) {
-    if (values.empty()) continue;
-    is_any_given = true;
-    if (values.size() != scene.shafts.size()) {
-      return std::string(name) + " has " + std::to_string(values.size()) +
-             " values; allowed: none, or one per shaft: " + std::to_string(scene.shafts.size());
-    }
-    for (const double value : values) {
-      if (!std::isfinite(value)) return std::string(name) + ": every value must be finite";
-    }
-  }
-  if (!is_any_given) return "nothing is to be set: text, angle, velocity, acceleration are empty";
-  ParameterTree text = ParameterTree::dictionary();
   try {
-    if (!message.text.empty()) text = readYamlText(message.text, "text");
+    request.visit = [state = stateOf(message, scene), project = message.project != 0](
+                        Simulation& simulation) { return setState(simulation, state, project); };
   } catch (const SceneError& error) {
     return error.what();
   }
-  request.visit = [message, text](Simulation& simulation) {
-    return setState(simulation, message, text);
-  };
   return "";
 }
 
