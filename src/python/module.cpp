@@ -7,6 +7,7 @@
 
 #include <exception>
 #include <memory>
+#include <optional>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -40,20 +41,16 @@ py::dict statistics(PythonSimulation& self) {
 
 using CommandTuple = std::tuple<double, std::string, double>;
 
-RunRequest makeRequest(double duration, double rate, const py::object& times,
+using Times = std::optional<std::vector<double>>;
+
+RunRequest makeRequest(double duration, double rate, const Times& times,
                        const std::vector<CommandTuple>& commands, const std::string& columns,
                        bool until_rest) {
-  RunRequest request;
-  request.duration = duration;
-  request.rate = rate;
-  request.has_times = !times.is_none();
-  if (request.has_times) request.times = times.cast<std::vector<double>>();
+  RunRequest request{duration, rate, times, {}, readColumnGroups(columns), until_rest};
   for (const auto& [time, topic, value] : commands) {
     const int line = static_cast<int>(request.commands.size());
     request.commands.push_back({time, topic, value, line});
   }
-  request.columns = readColumnGroups(columns);
-  request.until_rest = until_rest;
   return request;
 }
 
@@ -61,7 +58,7 @@ void bindSweep(py::module& module) {
   py::class_<Sweep, std::shared_ptr<Sweep>>(module, "_Sweep")
       .def(py::init([](const py::object& scene, const py::object& overrides,
                        std::vector<std::string> paths, double duration, double rate,
-                       const py::object& times, const std::vector<CommandTuple>& commands,
+                       const Times& times, const std::vector<CommandTuple>& commands,
                        const std::string& columns, bool compiles) {
         return std::shared_ptr<Sweep>(new Sweep{
             withOverrides(readSceneArgument(scene), readOverrides(overrides)), std::move(paths),
@@ -159,7 +156,7 @@ void bindSimulation(py::module& module) {
       .def("compile", &Self::compile)
       .def(
           "_run",
-          [](Self& s, double duration, double rate, const py::object& times,
+          [](Self& s, double duration, double rate, const Times& times,
              const std::vector<CommandTuple>& commands, const std::string& columns, bool until_rest,
              const std::vector<std::string>& gradient) {
             return s.run(makeRequest(duration, rate, times, commands, columns, until_rest),

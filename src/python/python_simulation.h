@@ -1,6 +1,7 @@
 /// A simulation bound to Python.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <complex>
@@ -93,6 +94,13 @@ void withoutLock(const Work& work) {
     if (PyErr_Occurred() == nullptr) throw;
   }
   if (PyErr_Occurred() != nullptr) throw py::error_already_set();
+}
+
+template <typename Names, typename Values>
+py::dict toDictionary(const Names& names, const Values& values) {
+  py::dict result;
+  for (std::size_t i = 0; i < names.size(); ++i) result[py::str(names[i])] = values[i];
+  return result;
 }
 
 /// Returns what was raised.
@@ -199,9 +207,7 @@ class PythonSimulation {
     std::vector<double> values(names.size());
     simulation.calcQuantities(group, values.data());
     check();
-    py::dict result;
-    for (std::size_t i = 0; i < names.size(); ++i) result[py::str(names[i])] = values[i];
-    return result;
+    return toDictionary(names, values);
   }
   /// Returns the events that have not been taken, as dicts.
   py::list takeEvents() {
@@ -223,15 +229,11 @@ class PythonSimulation {
     return taken;
   }
   py::dict energy() {
-    const Energy energy = get().energy();
+    const Energy it = get().energy();
     check();
-    py::dict result;
-    result["kinetic"] = energy.kinetic;
-    result["applied"] = energy.applied;
-    result["reactions"] = energy.reactions;
-    result["applied_power"] = energy.applied_power;
-    result["reaction_power"] = energy.reaction_power;
-    return result;
+    return toDictionary(
+        std::array{"kinetic", "applied", "reactions", "applied_power", "reaction_power"},
+        std::array{it.kinetic, it.applied, it.reactions, it.applied_power, it.reaction_power});
   }
   py::object state() {
     MotionState state;

@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <new>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -32,13 +33,12 @@ inline ParameterTree withOverrides(ParameterTree tree, const Overrides& override
 
 /// The request for a run.
 struct RunRequest {
-  double duration = 0.0;  ///< s, from the current time
-  double rate = 100.0;    ///< samples per second; unused when there are times
-  bool has_times = false;
-  std::vector<double> times;           ///< s, ascending
-  std::vector<TimedCommand> commands;  ///< ascending
+  double duration;                           ///< s, from the current time
+  double rate;                               ///< samples per second; unused when there are times
+  std::optional<std::vector<double>> times;  ///< s, ascending
+  std::vector<TimedCommand> commands;        ///< ascending
   ColumnGroups columns;
-  bool until_rest = false;
+  bool until_rest;
 };
 
 /// Rows of samples, one after the other.
@@ -54,8 +54,8 @@ inline RunRows run(Simulation& simulation, const RunRequest& request,
   const double begin = simulation.time();
   const double end = begin + request.duration;
   OfflineRun offline(simulation,
-                     request.has_times ? SampleTimes::at(request.times)
-                                       : SampleTimes::atRate(request.rate, begin, end),
+                     request.times ? SampleTimes::at(*request.times)
+                                   : SampleTimes::atRate(request.rate, begin, end),
                      resolveCommands(request.commands, simulation.scene(), "commands"), end);
   offline.observe(request.columns.quantities);
   offline.differentiate(sensitivity);
