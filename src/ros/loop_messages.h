@@ -77,12 +77,22 @@ struct LoopSnapshot {
   std::array<double, kMaxConstraints> residual{};  ///< when last sampled: about ten times a second
 };
 
-enum class RequestKind { kPause, kResume, kReset, kResetTime, kStep, kGetState, kSetState };
+/// kSample asks for a sample where simulated time stands, so that none comes by itself.
+enum class RequestKind {
+  kPause,
+  kResume,
+  kReset,
+  kResetTime,
+  kStep,
+  kSample,
+  kGetState,
+  kSetState
+};
 enum class RequestResult {
   kDone,
   kNotPaused,      ///< kStep only
   kStopped,        ///< the motion has stopped: the answer's message says why
-  kRefused,        ///< kSetState only: the answer's message says why
+  kRefused,        ///< kSetState: the answer's message says why; kSample: time goes on
   kInterrupted,    ///< kStep only: a pause has ended it on its way
   kTimeExhausted,  ///< simulated time would leave 64-bit nanoseconds
   kShutDown        ///< the loop has ended

@@ -78,16 +78,6 @@ LoopAnswer SteppingLoop::submit(const LoopRequest& request) {
   }
 }
 
-bool SteppingLoop::sampleWhileIdle(TimedSample* sample) {
-  const std::lock_guard<std::mutex> one_at_a_time(submitting_);
-  LoopRequest request{RequestKind::kGetState};
-  request.visit = [](Simulation&) { return std::string(); };
-  LoopAnswer answer;
-  if (!serveWhileIdle(request, answer)) return false;
-  *sample = answer.sample;
-  return true;
-}
-
 bool SteppingLoop::serveWhileIdle(const LoopRequest& request, LoopAnswer& answer) {
   int waiting = kWaiting;
   if (!idle_.compare_exchange_strong(waiting, kLent, std::memory_order_acq_rel)) return false;
@@ -126,6 +116,13 @@ void SteppingLoop::serveRequest() {
     case RequestKind::kStep:
       serveStep();
       break;
+    case RequestKind::kSample:
+      if (isIdle()) {
+        answer_.sample = takeSample();
+      } else {
+        answer_.result = RequestResult::kRefused;
+      }
+      break;
     case RequestKind::kGetState:
     case RequestKind::kSetState:
       serveState();
@@ -134,7 +131,9 @@ void SteppingLoop::serveRequest() {
   const bool stop_told = noticeStop();
   const bool reset =
       request_.kind == RequestKind::kReset || request_.kind == RequestKind::kResetTime;
-  if (state() == RunState::kStopped && !reset && request_.kind != RequestKind::kPause) {
+  const bool moves_none =
+      request_.kind == RequestKind::kPause || request_.kind == RequestKind::kSample;
+  if (state() == RunState::kStopped && !reset && !moves_none) {
     answer_.result = RequestResult::kStopped;
     answer_.message = describeStop();
   }

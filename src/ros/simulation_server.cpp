@@ -307,8 +307,9 @@ void SimulationServer::refreshDemand() {
 }
 
 void SimulationServer::showState(const ros::SingleSubscriberPublisher& subscriber) {
-  TimedSample timed;
-  if (!loop_.sampleWhileIdle(&timed)) return;
+  const LoopAnswer answer = loop_.submit({RequestKind::kSample});
+  if (answer.result != RequestResult::kDone) return;
+  const TimedSample& timed = answer.sample;
   DrivetrainState message = toState(timed.sample, toSeconds(timed.time), scene_, has_errors_);
   message.header.stamp = stampOf(timed.time, timed.clock_time);
   subscriber.publish(message);

@@ -94,9 +94,6 @@ class SteppingLoop {
   /// when that thread has nothing to do. One at a time: others wait for their turn, but a step that
   /// goes on for more than kPatience of wall time ends for a pause, and a tick for any request.
   LoopAnswer submit(const LoopRequest& request);
-  /// Takes a sample of the present where simulated time stands, so that none comes by itself.
-  /// Returns false elsewhere; never waits for the stepping thread.
-  bool sampleWhileIdle(TimedSample* sample);
   /// Begins the motion: machine code is in the cache, or there is none.
   void endPreparation();
   std::uint64_t droppedCommands() const {
