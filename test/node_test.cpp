@@ -224,7 +224,7 @@ TEST(Node, APublishedTorqueMovesTheShaftsAsOffline) {
   double last = 0.0;
   for (const DrivetrainState& state : node.states()) {
     if (state.time == 0.0) continue;  // from before the resume
-    ASSERT_GE(state.time, last);  // (the pause may come right after a state)
+    ASSERT_GE(state.time, last);      // (the pause may come right after a state)
     last = state.time;
     offline.advanceTo(state.time);
     ASSERT_DOUBLE_EQ(state.applied_torque[0], 4.0);
