@@ -317,7 +317,8 @@ void SimulationServer::showState(const ros::SingleSubscriberPublisher& subscribe
 
 void SimulationServer::runStatus() {
   started_at_ = steady_clock_.now();
-  std::int64_t next_status = started_at_;
+  // (The loop's first state comes by itself; before there is none to tell.)
+  std::int64_t next_status = started_at_ + kStatusPeriod;
   std::int64_t next_diagnostics = started_at_ + kDiagnosticsPeriod;
   while (!stopping_.load(std::memory_order_relaxed)) {
     loop_.waitForNews(next_status);
