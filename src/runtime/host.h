@@ -196,7 +196,7 @@ VS_FUNCTION scene_status vs_host_go(vs_host* h, double at) {
   m->now = h->before;
   m->present = h->taken;
   vs_go(m, at / unit);
-  vs_settle_implicitly(m, &h->seen, at / unit);
+  (void)vs_settle_implicitly(m, &h->seen, at / unit);
   m->present = present;
   return vs_arrive(m, &h->seen, unit, 1);
 }

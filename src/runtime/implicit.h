@@ -253,6 +253,52 @@ VS_FUNCTION_RARE int vs_is_step_resolved(scene_model* m, const scene_series* it,
   return vs_is_path_resolved(w, last, of->h / w->unit, at);
 }
 
+/* True where R is off by more than the accelerations' tolerance and rounding leave open. */
+VS_FUNCTION_RARE int vs_is_off(const scene_series* w, const vs_stages* of, const double* left) {
+  int i;
+  for (i = 0; i < S; ++i) {
+    const double allowed = vs_tolerance(w, w->row[ACCELERATION + i][0]) + of->noise[i] / VS_LEFT;
+    if (!(fabs(left[i]) <= vs_inertia(w, i, i) * allowed)) return 1;
+  }
+  return 0;
+}
+
+/* True where rounding is much and stages do not satisfy their equations, though the corrections of
+ * Newton's iteration were small, and some more do not help: a law that is steep at the begin is
+ * flat where its stages are. */
+VS_FUNCTION_RARE int vs_are_stages_off(scene_series* it, scene_series* w, const scene_state* from,
+                                       const vs_stages* of) {
+  enum { VS_MORE_ROUNDS = 4 };
+  double unused;
+  int round, j, is_off = vs_is_rounded(it, of->noise);
+  for (round = 0; round < VS_MORE_ROUNDS && is_off; ++round) {
+    if (round > 0) (void)vs_correct_stages(it, of, &unused);
+    if (!vs_find_residuals(it, w, from, of)) return 1;
+    for (is_off = 0, j = 0; j < of->method->stages; ++j)
+      is_off = is_off || vs_is_off(w, of, of->residual + UNKNOWNS * j);
+  }
+  return is_off;
+}
+
+/* The first guess of the stages where a law is so steep that any other one, off by the rounding of
+ * the accelerations, lies beside it: the solution of the linearized equations of constant time. */
+VS_FUNCTION_RARE void vs_guess_by_slopes(const scene_series* it, const vs_stages* of) {
+  double unused;
+  int i, j, q;
+  vs_guess_stages(it, 0, 0.0, of);
+  for (i = 0; i < UNKNOWNS; ++i) {
+    const double* const slope = of->slope + i;
+    double rate = i < S && !IS_CLASSICAL ? -of->P[i] : 0.0; /* of residual i */
+    for (q = 0; q < S; ++q)
+      rate += slope[UNKNOWNS * (S + q)] * it->row[ACCELERATION + q][0] +
+              slope[UNKNOWNS * (2 * S + q)] * it->row[VELOCITY + q][0];
+    for (q = 0; q < STATES; ++q) rate += slope[UNKNOWNS * (3 * S + q)] * it->row[rate_row[q]][0];
+    for (j = 0; j < of->method->stages; ++j)
+      of->residual[UNKNOWNS * j + i] = of->method->point[j] * of->h * rate;
+  }
+  (void)vs_correct_stages(it, of, &unused);
+}
+
 /* Tries stages of a step of of->h, by a first guess that is_known or is the begin. 0 where the
  * step's polynomials are in the rows, and *part is how much longer the next step may be; otherwise
  * the part of h for another trial, or -1 where a matrix is singular. */
@@ -260,13 +306,18 @@ VS_FUNCTION_RARE double vs_try_stages(scene_model* m, scene_series* it, scene_se
                                       const scene_state* from, const vs_stages* of, int is_known,
                                       int is_first, double* part) {
   double error;
-  int rounds, may_hide;
+  int rounds, may_hide, is_found;
   it->unit = w->unit = vs_unit_of(of->h);
   if (!is_known) vs_guess_stages(it, 0, 0.0, of);
   if (!vs_factor_stages(w, of)) return -1.0;
   vs_enter_stage_inputs(m, w, from, of);
   /* (Far from the last step its polynomials may be worse than none.) */
-  if (!vs_find_stages(it, w, from, of, &rounds)) return is_known ? 1.0 : 0.25;
+  is_found = vs_find_stages(it, w, from, of, &rounds);
+  if (is_found && vs_are_stages_off(it, w, from, of)) {
+    vs_guess_by_slopes(it, of);
+    is_found = vs_find_stages(it, w, from, of, &rounds) && !vs_are_stages_off(it, w, from, of);
+  }
+  if (!is_found) return is_known ? 1.0 : 0.25;
   vs_note_stages(it, w, from, of);
   vs_integrate_reaction(of);
   /* (Steps by a stepper's name are held to a part of the tolerance: nothing else judges them.) */
@@ -319,7 +370,7 @@ VS_FUNCTION_RARE scene_status vs_expand_implicitly(scene_model* m, double limit)
   for (i = 0; i < K; ++i) w->row[MULTIPLIER + i][0] = it->row[MULTIPLIER + i][0];
   if (!vs_find_reaction(w, of.R, of.P)) return SCENE_SINGULAR;
   vs_find_slopes(w, &from, &of);
-  vs_find_noise(it, &of);
+  vs_find_noise(it, w, &of);
   /* (From here on values at stages are in the rows, which are no coefficients.) */
   it->order = of.method->stages;
   it->method = VS_IMPLICIT;
@@ -367,16 +418,17 @@ VS_FUNCTION_RARE double vs_size_of_left(const scene_model* m, const scene_series
  * be: there it satisfies the equations of a stage. (What R and psi are off would move the
  * accelerations alone by as much times the rate of a fast component: of gauss they follow from the
  * state, which is off between the stages by the error of its polynomials; of generalized_gauss R
- * does, which the motion keeps.) */
-VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, double theta) {
+ * does, which the motion keeps.) False where that fails: the stages were off, too. */
+VS_FUNCTION_RARE int vs_settle_implicitly(scene_model* m, scene_series* w, double theta) {
   const scene_series* const it = vs_series(m);
   enum { VS_MOST_ROUNDS = 60 };
   vs_stages of;
   double rate[MOST_INPUTS + 1], reaction[MOST_SHAFTS];
   const double enough = IS_CLASSICAL ? 0.1 : 0.01; /* tolerances */
+  const double most = 100.0;                       /* of them, that is no failure */
   double g, *x, moved = INFINITY, before = INFINITY;
   int i, n, round, stalls = 0;
-  if (it->method != VS_IMPLICIT) return;
+  if (it->method != VS_IMPLICIT) return 1;
   vs_lay_out(m, it->order == vs_radau_of[1].stages, &of);
   of.h = m->damped;
   g = of.h / of.method->real;
@@ -391,7 +443,7 @@ VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, doub
   /* (C turns with time, and each round leaves a part of what psi is off.) */
   for (round = 0; round < VS_MOST_ROUNDS && moved > enough && stalls < 3; ++round) {
     vs_enter_state(m, w);
-    if (!vs_find_reaction(w, x, of.P)) return;
+    if (!vs_find_reaction(w, x, of.P)) return 1;
     for (i = 0; i < S; ++i) x[i] = reaction[i] - x[i];
     for (i = 0; i < K; ++i)
       x[S + i] = vs_is_on(w, i) && order_of[i] < 3 ? -w->row[residual_row[i]][0] : 0.0;
@@ -421,4 +473,9 @@ VS_FUNCTION_RARE void vs_settle_implicitly(scene_model* m, scene_series* w, doub
     }
     if (STATES > 0) vs_enter_inputs(m, w, 0);
   }
+  if (moved <= most) return 1;
+  vs_enter_state(m, w);
+  if (!vs_find_reaction(w, x, of.P)) return 1;
+  for (i = 0; i < S; ++i) x[i] -= reaction[i];
+  return !vs_is_off(w, &of, x);
 }

@@ -235,6 +235,16 @@ VS_FUNCTION_RARE void vs_note_slopes(const scene_series* w, const scene_state* f
   }
 }
 
+/* The derivatives of all formulas by one row of the time and the state. */
+VS_FUNCTION_INLINE void vs_extend_along(scene_series* w, int along) {
+  w->row[along][1] = 1.0;
+  w->is_path = 1;
+  w->order = 0;
+  vs_extend(w);
+  w->is_path = 0;
+  w->row[along][1] = 0.0;
+}
+
 /* The derivatives of the residuals by the state that was entered in w, along each of epsilon,
  * omega, phi and z: along a group of directions at once. Slopes that are not finite, as that of a
  * root at 0, become 0: Newton's iteration converges by itself in a step that is short enough. */
@@ -353,25 +363,45 @@ VS_FUNCTION_RARE int vs_factor_stages(const scene_series* w, const vs_stages* of
   return 1;
 }
 
+/* True where rounding moves accelerations by more than their tolerance. */
+VS_FUNCTION_RARE int vs_is_rounded(const scene_series* it, const double* noise) {
+  int i;
+  for (i = 0; i < S; ++i) {
+    if (noise[i] > vs_tolerance(it, it->row[ACCELERATION + i][0])) return 1;
+  }
+  return 0;
+}
+
 /* Finds the part of each acceleration that rounding of the velocities makes, by the torques and by
- * psi, which moves the accelerations along J^-1 C'. */
-VS_FUNCTION_RARE void vs_find_noise(const scene_series* it, const vs_stages* of) {
-  double moved[MOST_SIZE + MOST_INPUTS] = {0.0}; /* residuals, by all velocities as a whole */
-  int e, i, l, p, q;
+ * psi, which moves the accelerations along J^-1 C'. Where the torques' is much, so does what they
+ * move psi by, and rounding of the time inside formulas counts, too. */
+VS_FUNCTION_RARE void vs_find_noise(const scene_series* it, scene_series* w, const vs_stages* of) {
+  double changed[MOST_SIZE + MOST_INPUTS] = {0.0}; /* residuals, by all velocities as a whole */
+  double own[MOST_SHAFTS];
+  int e, i, l, p, q, is_rounded;
   for (q = 0; q < S; ++q) {
     for (l = link_begin[q]; l < link_begin[q + 1]; ++l)
-      moved[linked[l]] +=
+      changed[linked[l]] +=
           fabs(of->slope[UNKNOWNS * (S + q) + linked[l]] * it->row[VELOCITY + q][0]);
   }
-  for (i = 0; i < S; ++i) of->noise[i] = 4.0 * DBL_EPSILON * moved[i] / vs_inertia(it, i, i);
+  for (i = 0; i < S; ++i) own[i] = 4.0 * DBL_EPSILON * changed[i] / vs_inertia(it, i, i);
+  is_rounded = vs_is_rounded(it, own);
+  if (is_rounded) {
+    vs_extend_along(w, TIME);
+    for (i = 0; i < S; ++i)
+      own[i] += 2.0 * DBL_EPSILON * fabs(it->row[TIME][0] * w->row[torque_row[i]][1]) /
+                vs_inertia(it, i, i);
+  }
+  for (i = 0; i < S; ++i) of->noise[i] = own[i];
   for (p = 0; p < K; ++p) {
-    double length;
-    if (order_of[p] != 2 || !vs_is_on(it, p)) continue;
-    length = vs_row_length(it, p);
-    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e) {
+    const double length = vs_row_length(it, p);
+    double moved = order_of[p] == 2 ? DBL_EPSILON * changed[S + p] : 0.0;
+    if (!vs_is_on(it, p)) continue;
+    for (e = entry_begin[p]; e < entry_begin[p + 1] && is_rounded; ++e)
+      moved += fabs(vs_entry(it, p, entry_shaft[e])) * own[entry_shaft[e]];
+    for (e = entry_begin[p]; e < entry_begin[p + 1] && moved > 0.0; ++e) {
       i = entry_shaft[e];
-      of->noise[i] +=
-          DBL_EPSILON * moved[S + p] * fabs(vs_entry(it, p, i)) / (vs_inertia(it, i, i) * length);
+      of->noise[i] += moved * fabs(vs_entry(it, p, i)) / (vs_inertia(it, i, i) * length);
     }
   }
 }

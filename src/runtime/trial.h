@@ -155,7 +155,7 @@ VS_FUNCTION scene_status vs_move_to(scene_model* m, const scene_state* before, c
   const double h = theta * vs_series(m)->unit;
   m->now = *before;
   vs_go(m, VS_INSTANT(m, at, theta));
-  vs_settle_implicitly(m, &m->series[1 - m->present], theta);
+  if (!vs_settle_implicitly(m, &m->series[1 - m->present], theta)) return SCENE_NOT_CONVERGED;
   *expected = m->now;
   return vs_arrive(m, &m->series[1 - m->present], vs_unit_of(seriesLarger(h, 0.25 * m->usual)),
                    SCENE_ORDER);

@@ -364,7 +364,11 @@ TEST(RestReference, KnowsMotionsThatOthersHaveComputed) {
 }
 
 TEST(Endless, NoSceneAtRestOnASwitchIs) {
-  const std::vector<std::uint64_t> seeds = givenSeeds(150, 20000);
+  std::vector<std::uint64_t> seeds = givenSeeds(150, 20000);
+  // Contacts of a width of 1e-9 rad/s at 5 to 300 rad/s, whose torques are mostly rounding, took
+  // millions of steps; friction of 1e-6 rad/s let go 0.016 s late.
+  const auto late = {500814, 502158, 502587, 503229, 503565, 501520};
+  if (seeds.size() > 1) seeds.insert(seeds.end(), late.begin(), late.end());
   const std::vector<Verdict> verdicts = examineAll(seeds, 5, sizeOf(2, 20000));
 
   Hazard hazard("rest", "laws that jump or bend sharply at rest, made at random",
@@ -375,14 +379,8 @@ TEST(Endless, NoSceneAtRestOnASwitchIs) {
     const std::uint64_t seed = seeds[n];
     const std::string kind = verdict.kind;
     const int of_kind = ++counts[kind];
-    // Known: tanh of a width of 1e-8 rad/s at 330 rad/s, the rounding of which is a part of it, is
-    // stepped by the million and right; one of 1e-9 rad/s by radau under gauss by some 240,000
-    // steps to the jump at 2 s, where it stops by name.
-    constexpr std::uint64_t kKnownCrawls[] = {73, 101};
-    const bool is_known = (seed == kKnownCrawls[0] || seed == kKnownCrawls[1]) &&
-                          (kind == "crawls" || kind == "endless");
-    const bool is_bad = !is_known && (kind == "wrong" || kind == "endless" || kind == "crawls" ||
-                                      kind == "refused");
+    const bool is_bad =
+        kind == "wrong" || kind == "endless" || kind == "crawls" || kind == "refused";
     if (is_bad || kind == "right") {
       hazard.judge(is_bad ? HUGE_VAL : verdict.error, kind + " seed " + std::to_string(seed), 1.0);
     } else {
