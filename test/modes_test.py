@@ -97,7 +97,7 @@ class ModesTest(FolderTestCase):
             self.assertLessEqual(min(abs(one - float(time)) for one in same), events, (time, element))
 
     def test_examples(self):
-        # Of the package Rotational, and others, whose references are of test/stress/independent/examples.py.
+        # They are from the package Rotational and elsewhere; test/stress/independent/examples.py made their references.
         # OneWayClutch lets go at 1.5e-4 N m there instead of 0, 1.6e-6 s later; angles without modes have no events.
         for name, duration, events in (
                 ("CoupledClutches", 1.5, 1e-6), ("Friction", 3.0, 1e-6), ("OneWayClutch", 2.0, 2e-6),
@@ -727,6 +727,79 @@ c: {type: variator_sim/Clutch, shafts: [a, b], capacity: 16.98}
                 for n, time in enumerate(sorted(right)):
                     for column, value in right[time].items():
                         self.assertAlmostEqual(result[column][n], value, delta=2e-6, msg=(column, time))
+
+    def test_a_lock_whose_row_comes_near_to_a_variators(self):
+        # The brake and the variator hold x0 and x1, whatever the clutch between these does.
+        scene = """
+shafts: [x0, x1, x2]
+torques: [q5, c8, c9, c10]
+constraints: [g7]
+x0: {inertia: 0.731}
+x1: {inertia: 0.572}
+x2: {inertia: 1.494}
+q5: {type: variator_sim/ExpressionTorque, shaft: x2, torque: "41.5*sin(11.0*t + 1.7)"}
+g7: {type: variator_sim/KinematicRatio, shafts: [x1, x0], ratio: "1.31 + 0.06*sin(4.7*t)"}
+c8: {type: variator_sim/Clutch, shafts: [x1, x0], ratio: "0.9 + 0.19*sin(4.7*t)", capacity: 12.0}
+c9: {type: variator_sim/Clutch, shafts: [x2, x0], capacity: 4.5}
+c10: {type: variator_sim/Brake, shaft: x0, capacity: 41.2}
+principle: gauss
+"""
+        times = [0.1 * n for n in range(1, 51)]
+        alone = variator_sim.simulate(scene, 5.0, times=times, overrides={"c8/capacity": 0.0})
+        for order in ("c8, c9, c10", "c10, c9, c8"):
+            result = variator_sim.simulate(scene.replace("c8, c9, c10", order), 5.0, times=times)
+            for n in range(len(times)):
+                self.assertAlmostEqual(result["x0/velocity"][n], 0.0, delta=1e-12)
+                self.assertAlmostEqual(result["x2/velocity"][n], alone["x2/velocity"][n], delta=1e-7)
+
+    def test_a_gear_and_a_freewheel_of_nearly_the_same_ratio(self):
+        # Backwards they lock each other: where the spring has stopped both shafts they stay.
+        scene = """
+shafts: [a, b]
+torques: [qa, qb, fr, stop, ow]
+constraints: [g]
+a: {inertia: 1.1004}
+b: {inertia: 2.3882}
+qa: {type: variator_sim/ExpressionTorque, shaft: a, torque: 0.7015-0.2718*w_a*abs(w_a)}
+qb: {type: variator_sim/ExpressionTorque, shaft: b, torque: -6.1144*phi_b}
+fr: {type: variator_sim/Friction, shaft: a, coulomb: 0.726}
+g: {type: variator_sim/KinematicRatio, shafts: [b, a], ratio: 1.2025, efficiency: {driving: 0.8348, driven: 0.8529}}
+stop: {type: variator_sim/EndStop, shaft: a, lower: -0.4345, upper: 0.6765, restitution: 0.4136}
+ow: {type: variator_sim/OneWayClutch, shafts: [a, b], ratio: RATIO}
+principle: gauss
+initial: {velocity: [0.1786, 1.0837], project: true}
+"""
+        for n in range(6):
+            result = variator_sim.simulate(scene.replace("RATIO", repr(1.2097 - 0.0007 * n)), 5.0, times=[1.0, 5.0])
+            self.assertAlmostEqual(result["b/velocity"][0], 0.18010318, delta=1e-8)
+            self.assertEqual(result["b/velocity"][1], 0.0)
+            self.assertEqual({event["to"] for event in result.events[-3:]}, {"stuck"})
+
+    def test_what_holds_more_at_rest_sticks_beside_losses_too(self):
+        # Either the brake holds 66.8 of its 70.2 N m, or the clutch between engine and mg1 holds.
+        scene = """
+shafts: [engine, mg1, ring, mg2]
+torques: TORQUES
+constraints: CONSTRAINTS
+engine: {inertia: 0.281}
+mg1: {inertia: 0.05}
+ring: {inertia: 0.172}
+mg2: {inertia: 0.043}
+p: {type: variator_sim/ExpressionConstraint, order: 1, expression: w_mg1 + 3.17*w_ring - 4.17*w_engine}
+g: {type: variator_sim/KinematicRatio, shafts: [ring, mg2], ratio: 2.35, efficiency: {driving: 0.93, driven: 0.94}}
+motor: {type: variator_sim/ExpressionTorque, shaft: engine, torque: "92.07"}
+load: {type: variator_sim/ExpressionTorque, shaft: mg1, torque: "11.1"}
+brake: {type: variator_sim/Brake, shaft: mg1, capacity: 58.5, static: 1.2}
+clutch: {type: variator_sim/Clutch, shafts: [engine, mg1], capacity: 48}
+"""
+        for torques in ("[motor, load, brake, clutch]", "[clutch, brake, motor, load]"):
+            for constraints in ("[p, g]", "[g, p]"):
+                for principle in ("gauss", "generalized_gauss"):
+                    text = scene.replace("TORQUES", torques).replace("CONSTRAINTS", constraints)
+                    result = variator_sim.simulate(text + f"principle: {principle}\n", 0.01, times=[0.0],
+                                                   columns="state,elements")
+                    self.assertEqual((result["brake/mode"][0], result["clutch/mode"][0]), (0.0, -1.0))
+                    self.assertAlmostEqual(result["engine/acceleration"][0], 43.18540703, delta=1e-7)
 
     def test_formulas_that_only_touch_their_bends(self):
         # 1.725 w' = sin(om t) - 0.1 w: the clamp has nothing to do.

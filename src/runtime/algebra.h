@@ -128,8 +128,11 @@ VS_FUNCTION_INLINE int vs_invert(Real* M, int n, int first, int end, int pivots,
     if (pivots == VS_POSITIVE && !(pivot > 0.0)) return 0;
     if (pivots == VS_SOUGHT && !(fabs(pivot) > 1e-14)) return 0;
     if (pivots == VS_RANKED) {
+      const double part = fabs(pivot / size[p - first]);
       if (!(fabs(pivot) > 1e-12 * fabs(size[p - first]))) return 0;
-      *distance = seriesSmaller(*distance, fabs(pivot / size[p - first]));
+      /* (Of a row that others imply rounding over their own distance is left.) */
+      if (HOLDS && !(part * *distance > 1e-14)) return 0;
+      *distance = seriesSmaller(*distance, part);
     }
     M[n * best[p] + p] = M[n * p + p];
     M[n * p + p] = 1.0;

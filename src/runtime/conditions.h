@@ -101,7 +101,7 @@ VS_FUNCTION_RARE double vs_slip_noise(const scene_series* it, int h, int n) {
     mobility += C * C / vs_inertia(it, i, i);
   }
   if (n > 0) return 2.0 * it->unit / n * mobility * vs_torque_noise(it, h, n - 1);
-  return seriesLarger(1e-3 * ABSOLUTE_TOLERANCE, vs_noise(it) * size);
+  return seriesLarger((1.0 + it->slack) * 1e-3 * ABSOLUTE_TOLERANCE, vs_noise(it) * size);
 }
 
 VS_FUNCTION_RARE double vs_condition_noise(const scene_series* it, int h, int kind, int n,

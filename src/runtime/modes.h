@@ -7,20 +7,26 @@ VS_FUNCTION_RARE int vs_decides_by(void) {
 }
 
 /* Takes the rows of stuck elements into the algebra but those that others of it imply: the motion
- * is the same without them. What has no limits comes first. False where the constraints themselves
- * have lost rank. */
+ * is the same without them. What has no limits comes first, what is nearly implied last. False
+ * where the constraints themselves have lost rank. */
 VS_FUNCTION_RARE int vs_choose_rows(scene_model* m, scene_series* it) {
-  int h, has_all, has_limits, takes;
+  enum { VS_LIMITLESS, VS_LIMITED, VS_NEAR };
+  const double near = 1e-4; /* the square of a distance, as a part of the row's length */
+  double distance;
+  int h, has_all, takes;
   for (h = 0; h < HOLDS; ++h) it->counts[h] = m->now.mode[h] == VS_STUCK;
-  has_all = vs_factor(it, 1, 3);
+  has_all = vs_factor(it, 1, 3) && it->distance > near;
   for (h = 0; h < HOLDS && !has_all; ++h) it->counts[h] = 0;
   if (!has_all && !vs_factor(it, 1, 3)) return 0;
-  for (takes = 0; takes < 2 && !has_all; ++takes) {
+  distance = it->distance;
+  for (takes = VS_LIMITLESS; takes <= VS_NEAR && !has_all; ++takes) {
     for (h = 0; h < HOLDS; ++h) {
-      has_limits = has_upper[h] || has_lower[h];
-      if (has_limits != takes || m->now.mode[h] != VS_STUCK) continue;
+      const int is_limited = has_upper[h] || has_lower[h];
+      if (it->counts[h] || m->now.mode[h] != VS_STUCK || takes < is_limited) continue;
       it->counts[h] = 1;
-      if (!vs_factor(it, 1, 3)) it->counts[h] = 0;
+      it->counts[h] = vs_factor(it, 1, 3);
+      if (takes < VS_NEAR && it->distance < seriesSmaller(near, 0.5 * distance)) it->counts[h] = 0;
+      if (it->counts[h]) distance = it->distance;
     }
   }
   for (h = 0; h < HOLDS; ++h) {
@@ -367,16 +373,10 @@ VS_FUNCTION_RARE void vs_forget_modes(scene_model* m) {
   for (i = 0; i < K && TRANSMITS; ++i) m->now.multiplier[i] = 0.0;
 }
 
-/* True where element h begins beyond its stop: by as much, rad, as the model's culprit_slip. */
-VS_FUNCTION_RARE int vs_begins_beyond(scene_model* m, const scene_series* it, int h) {
-  const double most = 1e-6; /* of what angles are given with */
-  m->culprit_slip = has_gap[h] ? (double)it->row[gap_row[h]][0] : 0.0;
-  return m->culprit_slip < -most;
-}
-
 /* The modes at the start. An element that is not in the one that the scene asks for, or beyond its
  * stop, is the model's culprit, with the torque that it would have to hold. */
 VS_FUNCTION_RARE scene_status vs_decide_first(scene_model* m) {
+  const double most = 1e-6; /* rad, of what angles are given with */
   scene_series* const it = &m->series[1 - m->present];
   scene_status status;
   int h;
@@ -384,8 +384,9 @@ VS_FUNCTION_RARE scene_status vs_decide_first(scene_model* m) {
   vs_enter_inputs(m, it, 0);
   vs_enter_state(m, it);
   for (h = 0; h < HOLDS; ++h) {
-    if (!vs_begins_beyond(m, it, h)) continue;
+    if (!has_gap[h] || !(it->row[gap_row[h]][0] < -most)) continue;
     m->culprit = h;
+    m->culprit_slip = it->row[gap_row[h]][0];
     m->now.mode[h] = VS_STUCK;
     return SCENE_INCONSISTENT;
   }
