@@ -25,19 +25,6 @@ VS_FUNCTION_RARE double vs_noise(const scene_series* it) {
   return (1.0 + it->slack) * seriesLarger(1e-3 * RELATIVE_TOLERANCE, 2e-13);
 }
 
-/* The size of what a shaft has by itself: its applied torque and its inertial one, order n. */
-VS_FUNCTION_INLINE double vs_own_size(const scene_series* it, int i, int n) {
-  return fabs(it->row[torque_row[i]][n]) +
-         vs_inertia(it, i, i) * fabs(it->row[ACCELERATION + i][n]);
-}
-
-/* The size of what row p transmits, and of what an element would while it slides. */
-VS_FUNCTION_INLINE double vs_row_size(const scene_series* it, int p, int n) {
-  double size = fabs(it->row[TRANSMITTED + p][n]);
-  if (p >= CONSTRAINTS) size += fabs(it->row[slide_row[p - CONSTRAINTS]][n]);
-  return size;
-}
-
 /* The size of the torques on a shaft, order n, each by itself. */
 VS_FUNCTION_RARE double vs_torque_size(const scene_series* it, int i, int n) {
   double size = vs_own_size(it, i, n);
@@ -60,19 +47,6 @@ VS_FUNCTION_RARE double vs_size_along(const scene_series* it, int p, int n) {
   return size;
 }
 
-/* The size of coefficient n of all torques, each by itself. */
-VS_FUNCTION_RARE double vs_size_of_all(const scene_series* it, int n) {
-  double size = 0.0;
-  int e, i, p;
-  for (i = 0; i < S; ++i) size += vs_own_size(it, i, n);
-  for (p = 0; p < K; ++p) {
-    const double torque = vs_row_size(it, p, n);
-    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e)
-      size += fabs(vs_direction(it, p, entry_shaft[e])) * torque;
-  }
-  return size;
-}
-
 /* The size of coefficient n of the torque of element h that is noise: a part of the torques on the
  * shafts that it acts on, or whose load it loses a part of, and of its limits; and rounding of all
  * others, which the rows couple. */
@@ -86,7 +60,8 @@ VS_FUNCTION_RARE double vs_torque_noise(const scene_series* it, int h, int n) {
   if (load_of[h] >= 0) size += vs_size_along(it, load_of[h], n);
   for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e)
     C = seriesLarger(C, fabs(vs_entry(it, p, entry_shaft[e])));
-  return vs_noise(it) * size + (C > 0.0 ? rounding * vs_size_of_all(it, n) / C : 0.0);
+  return vs_noise(it) * size +
+         (C > 0.0 ? rounding * (n > 0 ? vs_size_of_all(it, n) : it->all_torques) / C : 0.0);
 }
 
 /* The size of coefficient n of a slip that is rounding: what a torque that is rounding makes of it,

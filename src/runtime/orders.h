@@ -196,6 +196,32 @@ VS_FUNCTION_RARE void vs_forget_polynomials(scene_series* it) {
   it->method = VS_BY_SERIES;
 }
 
+/* The size of what a shaft has by itself: its applied torque and its inertial one, order n. */
+VS_FUNCTION_INLINE double vs_own_size(const scene_series* it, int i, int n) {
+  return fabs(it->row[torque_row[i]][n]) +
+         vs_inertia(it, i, i) * fabs(it->row[ACCELERATION + i][n]);
+}
+
+/* The size of what row p transmits, and of what an element would while it slides. */
+VS_FUNCTION_INLINE double vs_row_size(const scene_series* it, int p, int n) {
+  double size = fabs(it->row[TRANSMITTED + p][n]);
+  if (p >= CONSTRAINTS) size += fabs(it->row[slide_row[p - CONSTRAINTS]][n]);
+  return size;
+}
+
+/* The size of coefficient n of all torques, each by itself. */
+VS_FUNCTION_RARE double vs_size_of_all(const scene_series* it, int n) {
+  double size = 0.0;
+  int e, i, p;
+  for (i = 0; i < S; ++i) size += vs_own_size(it, i, n);
+  for (p = 0; p < K; ++p) {
+    const double torque = vs_row_size(it, p, n);
+    for (e = entry_begin[p]; e < entry_begin[p + 1]; ++e)
+      size += fabs(vs_direction(it, p, entry_shaft[e])) * torque;
+  }
+  return size;
+}
+
 /* Order 0 of all formulas is known. gauss: of the multipliers, too. is_factored: of the last
  * correction of the accelerations, which changes what matters only where C turns with them. */
 VS_FUNCTION int vs_begin(scene_series* it, const Real* lambda, int is_factored) {
@@ -204,6 +230,7 @@ VS_FUNCTION int vs_begin(scene_series* it, const Real* lambda, int is_factored) 
     if (IS_GAUSS ? !vs_factor_curved(it, lambda, 1, 3) : !vs_factor(it, 1, 3)) return 0;
   }
   if (HAS_CONNECTION) vs_note_pull(it, 0);
+  if (HOLDS) it->all_torques = vs_size_of_all(it, 0);
   if (!IS_CLASSICAL) vs_extend(it);
   return 1;
 }

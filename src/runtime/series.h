@@ -11,8 +11,9 @@ typedef struct {
   int has_mobility;
   SCENE_REAL inverse[SCENE_MATRIX]; /* of A, or of the whole system */
   int is_whole;
-  double slack;                                         /* see vs_noise */
-  double distance;                                      /* see vs_invert */
+  double slack;       /* see vs_noise */
+  double distance;    /* see vs_invert */
+  double all_torques; /* vs_size_of_all, order 0, which each condition asks for */
   int is_in[SCENE_CONSTRAINTS + SCENE_HOLDS + 1];       /* 1: the constraint is in A */
   SCENE_REAL size[SCENE_CONSTRAINTS + SCENE_HOLDS + 1]; /* C J^-1 D' of each constraint */
   int counts[SCENE_HOLDS + 1]; /* 1: the row of an element that holds is on */
