@@ -221,6 +221,10 @@ std::string withSolver(const std::string& scene, const char* solver) {
   return std::string(scene) + "solver: {" + solver + "}\n";
 }
 
+const std::string kGeared =
+    test::sceneText("a 1, b 2", {"push on a: 3 - 0.1*w1", "gear: e_b - u*e_a"},
+                    "inputs: [u]\nu: {topic: u, hold: zero_order, initial: 0.5}\n");
+
 const std::string kGear = test::sceneText(
     "a 1, b 2", {"push on a: 3 - 0.1*w1", "belt = KinematicRatio, shafts: [a, b], ratio: 0.5"},
     "initial: {velocity: [2, 1]}");
@@ -235,6 +239,29 @@ MotionState present(Simulation& simulation) {
 MotionState written(const std::string& yaml, const Simulation& simulation,
                     const MotionState& otherwise) {
   return readMotionState(readYamlText(yaml, "state"), simulation.scene(), otherwise);
+}
+
+// A command at the start is an initial value, which nothing moves along psi = 0; elsewhere one of
+// the same instant is a jump.
+TEST(StatesOfTheStart, TakeCommandsAsTheStartDoes) {
+  const Scene scene = test::sceneFromText(kGeared);
+  const auto begin = [&](Simulation& simulation) {
+    simulation.command(0, 0.8);
+    EXPECT_TRUE(simulation.advanceTo(0.5).ok()) << simulation.describeStatus();
+    return simulation.sample();
+  };
+  Simulation fresh(scene);
+  Simulation saved(scene);
+  const MotionState state = present(saved);
+  Simulation restored(scene);
+  restored.advanceTo(0.2);
+  ASSERT_EQ(restored.setState(readMotionState(throughText(toTree(state, scene)), scene, {})), "");
+  const Sample expected = begin(fresh);
+  EXPECT_TRUE(areSame(begin(saved), expected, scene.shaftCount()));
+  EXPECT_TRUE(areSame(begin(restored), expected, scene.shaftCount()));
+  Simulation stranger(strangerOf(scene));
+  ASSERT_EQ(stranger.setState(state), "");
+  EXPECT_FALSE(areSame(begin(stranger), expected, scene.shaftCount()));
 }
 
 TEST(WrittenStates, InconsistentVelocitiesAreRefusedOrProjected) {

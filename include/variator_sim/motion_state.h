@@ -37,6 +37,7 @@ struct HeldState {
 struct MotionState {
   struct History {
     bool exists = false;
+    bool is_start = false;                     ///< commands are initial values still
     bool is_implicit = false;                  ///< the steps of `auto` are implicit
     double longest_row[kMaxConstraints] = {};  ///< square of the greatest length of each row of C
     double multiplier[kMaxConstraints] = {};   ///< with which their iteration goes on

@@ -93,8 +93,10 @@ void Motion::start() {
       beginning.findNear(Beginning::Begin::kStart, !initial.acceleration.empty(), initial.project);
   if (began != SCENE_OK && status.ok()) {
     if (inputs.commands.isEmpty()) beginning.throwFault(began);
-    stop(reasonOf(began));
+    stop(reasonOf(began), time);
   }
+  program.leave();
+  std::copy_n(it.state, 3 * S, first_);
   beginEnergy();
 }
 

@@ -145,7 +145,8 @@ struct Motion {
   bool is_sample_valid_ = false;
   double quiet_until_ = -1.0;  ///< s: up to here nothing but the current time changes
   bool is_start_ = true;
-  std::vector<double> entries_;  ///< of C at the end of the last step, by rows
+  double first_[3 * kMaxShafts] = {};  ///< the state in which the motion has begun
+  std::vector<double> entries_;        ///< of C at the end of the last step, by rows
 };
 
 /// True where elements that hold, reactions beside the gradient, states, events, delays or an

@@ -61,6 +61,7 @@ ParameterTree toTree(const MotionState::History& history, const Scene& scene) {
     directions[name] = listOf(energy.directions[m], S);
   }
   ParameterTree::Dictionary tree{
+      {"start", ParameterTree::boolean(history.is_start)},
       {"implicit_steps", ParameterTree::boolean(history.is_implicit)},
       {"longest_rows", ParameterTree::dictionary(std::move(rows))},
       {"energy", ParameterTree::dictionary(
@@ -137,6 +138,7 @@ MotionState::History readHistory(ParameterReader& root, const Scene& scene) {
   if (!root.has("history")) return history;
   ParameterReader reader = root.section("history");
   history.exists = true;
+  history.is_start = reader.boolean("start", false);
   history.is_implicit = reader.boolean("implicit_steps", false);
   ParameterReader rows = reader.section("longest_rows");
   for (int m = 0; m < scene.constraintCount(); ++m) {

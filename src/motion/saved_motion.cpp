@@ -34,6 +34,7 @@ bool Motion::saveState(MotionState* state) {
   inputs.save(time, state);
   MotionState::History& history = state->history;
   history.exists = true;
+  history.is_start = is_start_;
   history.is_implicit = program.isImplicit();
   std::copy_n(it.longest, scene.constraintCount(), history.longest_row);
   std::copy_n(it.multiplier, scene.constraintCount(), history.multiplier);
@@ -53,7 +54,11 @@ scene_status Motion::goOnFrom(const MotionState& state, bool may_move) {
   Exchange& it = program.it;
   time = state.time;
   status = MotionStatus{};
-  is_start_ = false;
+  // (Where it began elsewhere, it would begin there anew.)
+  is_start_ = history.is_start && time == scene.initial.time &&
+              std::equal(first_, first_ + S, state.angle) &&
+              std::equal(first_ + S, first_ + 2 * S, state.velocity) &&
+              std::equal(first_ + 2 * S, first_ + 3 * S, state.acceleration);
   inputs.restore(state);
   progress.begin(time);
   std::copy_n(state.angle, S, it.state);
