@@ -34,7 +34,7 @@ void expectVelocity(Simulation& simulation, double time, double velocity, double
   EXPECT_NEAR(simulation.sample().reaction_torque[0], 0.0, 100.0 * allowed) << "at " << time;
 }
 
-// What the event sets sets it off again: w = t up to there, and no further.
+// The event is set off again by the value that it sets: w = t up to there, and no further.
 TEST(AnEventThatSetsItselfOff, StopsTheMotionAtItsOwnTime) {
   forAll(shaftUnder("n",
                     "variables: [n]\nn: {initial: 1}\nevents: [up]\n"

@@ -1,5 +1,5 @@
-// What the rows of a program follow from: operations, for the check that its rows resolve them
-// along a step, and instructions.
+// Finds the operations that a program's rows follow from, for the check that the rows resolve them
+// along a step, and the instructions.
 #include <algorithm>
 #include <iterator>
 #include <map>

@@ -168,7 +168,7 @@ std::optional<double> findDisagreement(const std::function<double(double)>& func
   if (!std::isfinite(stated) || !std::isfinite(function(0.0))) return std::nullopt;
   constexpr int kSteps = 12;
   constexpr double kTolerance = 1e-5;
-  // Of two consecutive steps that agree best.
+  // (Two consecutive steps that agree best decide.)
   double doubt = std::numeric_limits<double>::infinity();
   double found = 0.0;
   std::optional<Difference> before;

@@ -188,23 +188,23 @@ bool Beginning::isOnConstraints(const StateView& state) const {
 
 // --- explanations ----------------------------------------------------------------------------
 
+StateView Beginning::viewGiven() {
+  Sample unused;
+  motion_.observation.look(0.0, &unused);  // what the laws read beside the state
+  return motion_.observation.view(misfit_.given, motion_.time);
+}
+
 std::string Beginning::describeFault(scene_status status) {
   if (misfit_.kind == Misfit::Kind::kNone || misfit_.kind == Misfit::Kind::kModes) {
     return std::string("the motion cannot go on from there: ") + toString(reasonOf(status));
   }
-  Sample unused;
-  motion_.observation.look(0.0, &unused);  // what the laws read beside the state
-  return describeMisfit(scene_, misfit_, motion_.observation.view(misfit_.given, motion_.time));
+  return describeMisfit(scene_, misfit_, viewGiven());
 }
 
 void Beginning::throwFault(scene_status status) {
   if (misfit_.kind == Misfit::Kind::kModes) throwMode();
-  if (misfit_.kind != Misfit::Kind::kNone) {
-    Sample unused;
-    motion_.observation.look(0.0, &unused);  // what the laws read beside the state
-    throwInitialError(scene_, misfit_, motion_.observation.view(misfit_.given, motion_.time),
-                      search_.get());
-  }
+  if (misfit_.kind != Misfit::Kind::kNone)
+    throwInitialError(scene_, misfit_, viewGiven(), search_.get());
   const StopReason reason = reasonOf(status);
   const std::string why = explainReason(reason);
   throw SceneError(

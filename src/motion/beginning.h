@@ -49,6 +49,8 @@ class Beginning {
   scene_status explainFault(scene_status status);
   bool isOnConstraints(const StateView& state) const;
   [[noreturn]] void throwMode() const;
+  /// The state that was given.
+  StateView viewGiven();
 
   Motion& motion_;
   const Scene& scene_;

@@ -150,14 +150,12 @@ double Motion::lastInside() const {
 bool Motion::step() {
   const double front = program.front();
   if (!progress.count(front)) {
-    stop(StopReason::kStepLimit);
-    status.time = front;
+    stop(StopReason::kStepLimit, front);
     status.measure = progress.rateAt(front);
     return false;
   }
   if (progress.areRefused()) {
-    stop(StopReason::kToleranceTooSmall);
-    status.time = front;
+    stop(StopReason::kToleranceTooSmall, front);
     return false;
   }
   const double expected = program.sinceFront(inputs.nextExpected());
@@ -193,15 +191,15 @@ bool Motion::step() {
 
 // --- stops -----------------------------------------------------------------------------------
 
-void Motion::stop(StopReason reason) {
+void Motion::stop(StopReason reason, double at) {
   status.reason = reason;
-  status.time = time;
+  status.time = at;
 }
 
 void Motion::stop(scene_status why) {
   const Exchange& it = program.it;
-  stop(reasonOf(why));
-  status.time = why == SCENE_NO_MODES ? std::max(it.stopped, program.front()) : program.front();
+  const double front = program.front();
+  stop(reasonOf(why), why == SCENE_NO_MODES ? std::max(it.stopped, front) : front);
   program.leave();
   if (why == SCENE_STEP_TOO_LARGE) {
     status.measure = it.error * scene.solver.relative_tolerance;
@@ -240,7 +238,7 @@ bool Motion::cut() {
   // (The modes at its end have not come.)
   if (at < program.it.event) statistics.mode_changes -= events.forgetLast();
   if (program.cut(at) != SCENE_OK) {
-    stop(StopReason::kProjectionFailed);
+    stop(StopReason::kProjectionFailed, time);
     return false;
   }
   energy.cut(time, energy.appliedBefore() + work, energy.throughputBefore() + through,

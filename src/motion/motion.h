@@ -91,8 +91,8 @@ struct Motion {
   bool saveState(MotionState* state);
   std::string setState(const MotionState& state, bool project);
 
-  /// Stops at the current time, or at the end of the last step, where it finds out why.
-  void stop(StopReason reason);
+  /// Stops at `at`, s, or at the end of the last step, where it finds out why.
+  void stop(StopReason reason, double at);
   void stop(scene_status why);
   /// Writes the element that the description names to `culprit`, unless that is null.
   std::string describeStop(Element* culprit);

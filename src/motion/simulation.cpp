@@ -80,7 +80,7 @@ std::uint64_t Simulation::lostModeEvents() const {
 }
 
 void Simulation::exhaustTime() {
-  motion_->stop(StopReason::kTimeExhausted);
+  motion_->stop(StopReason::kTimeExhausted, motion_->time);
 }
 
 // --- commands --------------------------------------------------------------------------------

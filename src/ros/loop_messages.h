@@ -102,8 +102,8 @@ struct LoopRequest {
   RequestKind kind = RequestKind::kPause;
   std::int64_t duration = 0;             ///< of kStep, ns > 0
   std::vector<InputCommand> commands{};  ///< of kStep
-  /// Of kGetState and kSetState, for the stepping thread, which it may keep longer than the caller
-  /// waits. Returns "", or why not: then the motion is unchanged. May allocate.
+  /// The stepping thread calls it for kGetState and kSetState, which may keep it longer than the
+  /// caller waits. It returns "", or why not: then the motion is unchanged. It may allocate.
   std::function<std::string(Simulation&)> visit{};
 };
 
