@@ -2,6 +2,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -22,6 +23,34 @@ DenseMatrix orthonormalize(const DenseMatrix& A, double least, int* rank) {
     T.row(*rank) /= std::sqrt(eigenvalue);
   }
   return T;
+}
+
+/// Coefficients of a polynomial of degree 5 in Bernstein's form on an interval.
+using Quintic = std::array<double, 6>;
+
+/// Calls `found` with places in (low, high) where the polynomial changes its sign, from minus to
+/// plus if it `rises`. An interval without a change of sign among the coefficients has no zero
+/// (Descartes); de Casteljau's algorithm halves the others.
+template <class Found>
+void findZeros(const Quintic& whole, double low, double high, bool rises, Found found) {
+  constexpr double kNarrow = 1.0 / (1 << 24);
+  const auto isBelow = [](double value) { return value < 0.0; };
+  const auto count = std::count_if(whole.begin(), whole.end(), isBelow);
+  if (count == 0 || count == 6) return;
+  const double middle = 0.5 * (low + high);
+  if (high - low < kNarrow) {
+    const bool is_zero = isBelow(whole[0]) != isBelow(whole[5]);
+    if (is_zero && (isBelow(whole[0]) || !rises)) found(middle);
+    return;
+  }
+  Quintic left;
+  Quintic right = whole;
+  for (std::size_t n = 0; n < 6; ++n) {
+    left[n] = right[0];
+    for (std::size_t m = 0; m + n < 5; ++m) right[m] = 0.5 * (right[m] + right[m + 1]);
+  }
+  findZeros(left, low, middle, rises, found);
+  findZeros(right, middle, high, rises, found);
 }
 
 }  // namespace
@@ -76,31 +105,25 @@ LeastReactionSearch::Verdict LeastReactionSearch::find(const StateView& state,
   setUp();
   if (first != nullptr) record(Eigen::Map<const Vector>(first, S), true);
   const int fewest_rays = n_ == 1 ? 2 : 96;
-  const int fewest_parts = n_ == 1 ? 256 : 32;
-  if (candidate_count_ == 0) findFirst(fewest_rays, fewest_parts);
+  if (candidate_count_ == 0) findFirst(fewest_rays);
   if (candidate_count_ == 0) return Verdict::kNone;
   smallest_ = calcRoundingDistance();
   bool is_certain = true;
   int rays = fewest_rays;
-  int parts = fewest_parts;
   int quiet = 0;
-  double minima_per_ray = 0.0;
   for (int round = 0; round < kMostRounds && quiet < (n_ == 1 ? 1 : 2); ++round) {
     const double before = candidates_[0].reaction;
     const double radius = std::sqrt(2.0 * before);
     // The free accelerations themselves: nothing is less.
     if (!(radius > smallest_)) return Verdict::kFound;
-    is_certain = lookThrough(radius, rays, parts);
-    const double per_ray = static_cast<double>(noted_) / rays;
+    // The first look is a coarse one, which may make the ball much smaller.
+    is_certain = lookThrough(radius, rays, round == 0 ? 0 : kMostHalvings);
     const bool is_better = candidates_[0].reaction < before * (1.0 - 1e-9);
-    // Where more parts show more minima there may be more still; other rays have other minima.
-    const bool has_more = per_ray > (n_ == 1 ? 1.0 : 1.2) * minima_per_ray;
-    minima_per_ray = per_ray;
-    quiet = is_better || has_more || round == 0 ? 0 : quiet + 1;
-    if (is_certain && (n_ == 1 || (has_more && round > 0))) parts *= 2;
+    quiet = is_better || round == 0 ? 0 : quiet + 1;
     if (n_ == 1 || round == 0) continue;
     // As many rays as there are minima to be told apart around the ball.
-    const double wanted = fewest_rays * std::pow(std::max(1.0, per_ray), n_ - 1);
+    const double per_ray = std::max(1.0, static_cast<double>(noted_) / rays);
+    const double wanted = fewest_rays * std::pow(per_ray, n_ - 1);
     if (wanted > rays && rays < kMostRays) quiet = 0;
     is_certain = is_certain && wanted <= kMostRays;
     rays = static_cast<int>(std::clamp<double>(wanted, rays, kMostRays));
@@ -189,72 +212,145 @@ LeastReactionSearch::Sample LeastReactionSearch::evaluate(const Vector& along, d
   StateView state = state_;
   state.acceleration = aimed.data();
   Vector psi(rowCount());
+  Vector rate(rowCount());
   Vector C(S);
-  for (int m = 0; m < rowCount(); ++m) psi(m) = row(m).calcResidualAndJacobian(state, C.data());
-  const Vector v = T_ * psi;
-  const int hard = rowCount() - soft_;
-  const double cost = hard > 0 ? v.tail(hard).squaredNorm() : t * t + v.head(soft_).squaredNorm();
-  return {t, v, v.allFinite() ? cost : std::numeric_limits<double>::infinity()};
+  for (int m = 0; m < rowCount(); ++m) {
+    psi(m) = row(m).calcResidualAndJacobian(state, C.data());
+    rate(m) = C.dot(along);
+  }
+  return {t, T_ * psi, T_ * rate};
 }
 
-bool LeastReactionSearch::lookThrough(double radius, int rays, int parts) {
+LeastReactionSearch::Sample LeastReactionSearch::interpolate(const Sample& a, const Sample& b,
+                                                             double theta) {
+  const double h = b.t - a.t;
+  const double rest = 1.0 - theta;
+  const Vector change = b.v - a.v;
+  const Vector left = h * a.dv - change;
+  const Vector right = change - h * b.dv;
+  return {a.t + theta * h, a.v + theta * (change + rest * (rest * left + theta * right)),
+          (change + (rest * rest - 2.0 * theta * rest) * left +
+           (2.0 * theta * rest - theta * theta) * right) /
+              h};
+}
+
+bool LeastReactionSearch::lookThrough(double radius, int rays, int halvings) {
   // Starts of minima just inside may lie just outside.
   constexpr double kBeyond = 1.2;
+  const int parts = n_ == 1 ? 256 : 16;  // before they are halved
   start_count_ = 0;
   noted_ = 0;
   evaluations_ = 0;
+  is_resolved_ = true;
+  reach_ = kBeyond * radius;
   apart_ = (n_ == 1 ? 1e-6 : 0.03) * radius;
+  negligible_ = 1e-9 * radius;
   for (int ray = 0; ray < rays; ++ray) {
     const Vector along = calcDirection(next_ray_++);
-    if (ray == 0) noteStart(evaluate(along, 0.0), along, 1.0);
-    lookAlong(along, kBeyond * radius, parts);
+    Sample from = evaluate(along, 0.0);
+    if (ray == 0) noteStart(from, along, 1.0);
+    for (int part = 1; part <= parts; ++part) {
+      // Uneven parts: a periodic psi may not have their period.
+      const double end = part < parts ? part + 0.2 * std::sin(part * part) : part;
+      const Sample to = evaluate(along, reach_ * end / parts);
+      lookWithin(from, to, along, halvings);
+      from = to;
+    }
   }
   for (int n = 0; n < start_count_; ++n) {
     // On one line the starts are the minima themselves.
     if (n_ == 1 && starts_[n].value > 3.0 * hopeful()) break;
     descend(starts_[n].epsilon);
   }
-  return evaluations_ <= kMostEvaluations;
+  return is_resolved_;
 }
 
-void LeastReactionSearch::lookAlong(const Vector& along, double reach, int parts) {
-  const int hard = rowCount() - soft_;
-  const auto changesSign = [&](const Sample& a, const Sample& b) {
-    return hard == 1 && (a.v(soft_) < 0.0) != (b.v(soft_) < 0.0);
-  };
-  Sample before = evaluate(along, 0.0);
-  Sample here = before;
-  for (int part = 1; part <= parts && evaluations_ <= kMostEvaluations; ++part) {
-    // Uneven parts: a periodic psi may not have their period.
-    const double end = part < parts ? part + 0.2 * std::sin(1.0 * part * part) : part;
-    const Sample next = evaluate(along, reach * end / parts);
-    if (changesSign(here, next)) {
-      Sample low = here;
-      Sample high = next;
-      for (int halving = 0; halving < kHalvings; ++halving) {
-        const Sample middle = evaluate(along, 0.5 * (low.t + high.t));
-        (changesSign(low, middle) ? high : low) = middle;
-      }
-      noteStart(high, along, 1.0);
-    } else if (here.cost < before.cost && here.cost <= next.cost && !changesSign(before, here)) {
-      noteStart(findLeast(along, before, here, next), along, hard > 0 ? 4.0 : 1.0);
+void LeastReactionSearch::lookWithin(const Sample& from, const Sample& to, const Vector& along,
+                                     int halvings) {
+  const Sample middle = evaluate(along, 0.5 * (from.t + to.t));
+  const int finite = int{from.isFinite()} + int{middle.isFinite()} + int{to.isFinite()};
+  if (finite == 0) return;
+  const Fit fit = finite < 3 ? Fit::kOther : judge(from, middle, to);
+  if (fit == Fit::kFar) return;
+  if (fit == Fit::kOther && halvings > 0) {
+    if (evaluations_ <= kMostEvaluations) {
+      lookWithin(from, middle, along, halvings - 1);
+      lookWithin(middle, to, along, halvings - 1);
+      return;
     }
-    before = here;
-    here = next;
+    is_resolved_ = false;
   }
+  if (finite < 3) {
+    noteStart(from.isFinite() ? from : to, along, 4.0);  // the end of psi's domain
+    return;
+  }
+  noteStarts(from, middle, along);
+  noteStarts(middle, to, along);
 }
 
-LeastReactionSearch::Sample LeastReactionSearch::findLeast(const Vector& along, Sample low,
-                                                           Sample middle, Sample high) {
-  for (int halving = 0; halving < kHalvings; ++halving) {
-    const bool is_above = high.t - middle.t > middle.t - low.t;
-    Sample& end = is_above ? high : low;
-    const Sample probe = evaluate(along, 0.5 * (middle.t + end.t));
-    const bool is_less = probe.cost < middle.cost;
-    if (is_less) (is_above ? low : high) = middle;
-    (is_less ? middle : end) = probe;
+LeastReactionSearch::Fit LeastReactionSearch::judge(const Sample& from, const Sample& middle,
+                                                    const Sample& to) const {
+  const Sample expected = interpolate(from, to, 0.5);
+  const double h = to.t - from.t;
+  Fit fit = Fit::kCubic;
+  double least = from.t * from.t;  // of |epsilon - f|^2, by all that is known of v
+  for (int r = 0; r < rowCount(); ++r) {
+    const auto [lowest, highest] = std::minmax({from.v(r), middle.v(r), to.v(r)});
+    const double steepest =
+        std::max({std::abs(from.dv(r)), std::abs(middle.dv(r)), std::abs(to.dv(r))});
+    const double error = std::abs(middle.v(r) - expected.v(r));
+    if (error > 0.02 * (highest - lowest) + negligible_ ||
+        std::abs(middle.dv(r) - expected.dv(r)) > 0.2 * steepest + negligible_ / h) {
+      fit = Fit::kOther;
+    }
+    // So far may v swing beyond the three samples.
+    const double swing =
+        4.0 * error +
+        0.125 * h * (std::abs(from.dv(r) - middle.dv(r)) + std::abs(to.dv(r) - middle.dv(r)));
+    const double nearest = std::max({0.0, lowest - swing, -highest - swing});
+    if (r < soft_) {
+      least += nearest * nearest;
+    } else if (nearest > 0.0 && n_ == 1) {
+      return Fit::kFar;  // not zero here
+    }
   }
-  return middle;
+  return least > reach_ * reach_ ? Fit::kFar : fit;
+}
+
+void LeastReactionSearch::noteStarts(const Sample& from, const Sample& to, const Vector& along) {
+  // In theta = 0 .. 1 of the length h: v of degree 3 and its derivative of degree 2,
+  //     v = sum_i B^3_i a_i,   a = v_0, v_0 + h v_0'/3, v_1 - h v_1'/3, v_1,
+  //     v' = sum_j B^2_j 3 (a_j+1 - a_j),
+  // and the slope of 1/2 |epsilon - f|^2 (or of 1/2 |hard|^2) of degree 5:
+  //     h t + sum_r v v',   B^3_i B^2_j = C(3, i) C(2, j) / C(5, i + j) B^5_i+j.
+  constexpr double kOfThree[] = {1.0, 3.0, 3.0, 1.0};
+  constexpr double kOfTwo[] = {1.0, 2.0, 1.0};
+  constexpr double kOfFive[] = {1.0, 5.0, 10.0, 10.0, 5.0, 1.0};
+  const int hard = rowCount() - soft_;
+  const double h = to.t - from.t;
+  Quintic slope{};
+  Quintic value{};  // of the last row
+  for (int r = hard > 0 ? soft_ : 0; r < rowCount(); ++r) {
+    const double a[] = {from.v(r), from.v(r) + h * from.dv(r) / 3.0, to.v(r) - h * to.dv(r) / 3.0,
+                        to.v(r)};
+    value = {};
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        const double share = kOfThree[i] * kOfTwo[j] / kOfFive[i + j];
+        slope[i + j] += share * a[i] * 3.0 * (a[j + 1] - a[j]);
+        value[i + j] += share * a[i];
+      }
+    }
+  }
+  for (std::size_t n = 0; n < 6 && hard == 0; ++n) {
+    slope[n] += h * (from.t + 0.2 * static_cast<double>(n) * h);
+  }
+  findZeros(slope, 0.0, 1.0, true, [&](double theta) {
+    noteStart(interpolate(from, to, theta), along, hard > 0 ? 4.0 : 1.0);
+  });
+  if (hard != 1) return;
+  findZeros(value, 0.0, 1.0, false,
+            [&](double theta) { noteStart(interpolate(from, to, theta), along, 1.0); });
 }
 
 template <class Item, class Compare>
@@ -277,7 +373,7 @@ void LeastReactionSearch::keep(const Item& item, double Item::*value, int most, 
 }
 
 void LeastReactionSearch::noteStart(const Sample& sample, const Vector& along, double penalty) {
-  if (!sample.v.allFinite()) return;
+  if (!sample.isFinite()) return;
   const Vector v = sample.v.head(soft_);
   const Start start{free() + sample.t * along - F_ * v,
                     (sample.t * sample.t + v.squaredNorm()) * penalty};
@@ -363,12 +459,12 @@ void LeastReactionSearch::record(const Vector& epsilon, bool is_stationary) {
        });
 }
 
-void LeastReactionSearch::findFirst(int rays, int parts) {
+void LeastReactionSearch::findFirst(int rays) {
   double radius = 1e-3;
   for (int i = 0; i < S; ++i) radius = std::max(radius, std::abs(free()(i)));
   radius *= 1e-2 * std::sqrt(constraints_.inertia()(0, 0));
   for (int growth = 0; growth < 24 && candidate_count_ == 0; ++growth, radius *= 4.0) {
-    lookThrough(radius, rays, parts);
+    lookThrough(radius, rays, 0);
   }
 }
 

@@ -7,9 +7,9 @@
 /// x (n values) moves these and the rest goes along as J has it; v makes zero the rows of psi that
 /// the others can make zero, at the least distance and by constant coefficients. The `hard` rows,
 /// which they cannot, are to be zero by x alone. So the ball is one of n dimensions, n = 1 in most
-/// scenes. It is sampled along rays from its centre; the minima of the distance along a ray, and
-/// zeros of a hard row, are starts for descents along psi = 0. A better minimum makes the ball
-/// smaller, and the search goes on until a denser look brings neither more minima nor a better one.
+/// scenes. It is sampled along rays from its centre, as densely as cubics between the samples fit
+/// psi; the minima of the distance of these cubics are starts for descents along psi = 0. A better
+/// minimum makes the ball smaller, and the search goes on until another look brings nothing better.
 #pragma once
 
 #include <cmath>
@@ -68,21 +68,21 @@ class LeastReactionSearch {
   static constexpr int kMostStarts = 48;
   static constexpr int kMostCandidates = 4;
   static constexpr int kMostRays = 768;
-  /// Samples that one look through the ball may take, and those between two of them that a minimum
-  /// or a zero is found by.
-  static constexpr int kMostEvaluations = 60000;
-  static constexpr int kHalvings = 30;
+  /// Samples that one look through the ball may take, and halvings of one part of a ray.
+  static constexpr int kMostEvaluations = 40000;
+  static constexpr int kMostHalvings = 22;
   /// Points that are nearer to each other than this, relative to accelerations, are one.
   static constexpr double kSame = 1e-6;
 
   using Matrix = DenseMatrix;
   using Vector = AccelerationConstraints::Vector;
 
-  /// A sample of a ray: the soft rows' v, then the hard ones.
+  /// A sample of a ray: the soft rows' v, then the hard ones, and their derivatives by t.
   struct Sample {
     double t;
     Vector v;
-    double cost;  ///< |epsilon - f|^2, or |hard|^2; infinite where psi has no value
+    Vector dv;
+    bool isFinite() const { return v.allFinite() && dv.allFinite(); }
   };
   struct Start {
     Vector epsilon;
@@ -106,12 +106,19 @@ class LeastReactionSearch {
   /// The direction of a ray in epsilon, of length 1 in the metric J.
   Vector calcDirection(int ray) const;
   Sample evaluate(const Vector& along, double t);
-  /// Notes the starts in the ball on rays of so many parts, and descends from them. Returns false
-  /// if psi needs more samples.
-  bool lookThrough(double radius, int rays, int parts);
-  void lookAlong(const Vector& along, double reach, int parts);
-  /// Returns the least cost between `low` and `high`, from one between them that is less.
-  Sample findLeast(const Vector& along, Sample low, Sample middle, Sample high);
+  /// The cubic through both ends at the part `theta` of [a, b].
+  static Sample interpolate(const Sample& a, const Sample& b, double theta);
+  /// Notes the starts in the ball, halves parts of rays up to `halvings` times, and descends from
+  /// the starts. Returns false if psi needs more samples.
+  bool lookThrough(double radius, int rays, int halvings);
+  /// Notes the starts between two samples, and evaluates psi between them where it is no cubic.
+  void lookWithin(const Sample& from, const Sample& to, const Vector& along, int halvings);
+  /// Tells whether the cubic through `from` and `to` fits the sample between them; kFar: psi has no
+  /// zero there within reach_ of the free accelerations.
+  enum class Fit { kFar, kCubic, kOther };
+  Fit judge(const Sample& from, const Sample& middle, const Sample& to) const;
+  /// Notes the starts on the cubic through two samples: zeros of one hard row, and minima.
+  void noteStarts(const Sample& from, const Sample& to, const Vector& along);
   /// Keeps it among the kMostStarts nearest ones, one of each place.
   void noteStart(const Sample& sample, const Vector& along, double penalty);
   /// The same point in a list, and whether it is to stay instead of the new one.
@@ -138,7 +145,7 @@ class LeastReactionSearch {
   /// Puts accelerations with psi = 0 among the candidates.
   void record(const Vector& epsilon, bool is_stationary);
   /// Without a candidate nothing bounds the ball: it grows until there is one.
-  void findFirst(int rays, int parts);
+  void findFirst(int rays);
   /// Returns the distance that rounding of the free accelerations accounts for.
   double calcRoundingDistance() const;
   Verdict conclude(bool is_certain) const;
@@ -153,9 +160,12 @@ class LeastReactionSearch {
   Matrix F_;      // S x soft
   Matrix T_;      // (v, hard) = T psi
   int next_ray_ = 0;
-  int noted_ = 0;        // minima in the last look through the ball
-  int evaluations_ = 0;  // samples in it
-  double apart_ = 0.0;   // starts nearer to each other are one
+  int noted_ = 0;            // minima in the last look through the ball
+  int evaluations_ = 0;      // samples in it
+  bool is_resolved_ = true;  // it had samples enough for psi
+  double reach_ = 0.0;       // the distance up to which it looks
+  double apart_ = 0.0;       // starts nearer to each other are one
+  double negligible_ = 0.0;  // differences of distances
   double smallest_ = 0.0;
   Start starts_[kMostStarts];
   int start_count_ = 0;
