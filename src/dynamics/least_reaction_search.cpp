@@ -98,37 +98,56 @@ void LeastReactionSearch::approach(const StateView& given, double* epsilon) {
 
 LeastReactionSearch::Verdict LeastReactionSearch::find(const StateView& state,
                                                        const double* first) {
-  constexpr int kMostRounds = 14;
   state_ = state;
   candidate_count_ = 0;
   next_ray_ = 0;
   setUp();
   if (first != nullptr) record(Eigen::Map<const Vector>(first, S), true);
-  const int fewest_rays = n_ == 1 ? 2 : 96;
-  if (candidate_count_ == 0) findFirst(fewest_rays);
+  const int rays = n_ == 1 ? 2 : kRays;
+  parts_ = n_ == 1 ? 256 : 16;
+  if (candidate_count_ == 0) findFirst(rays);
   if (candidate_count_ == 0) return Verdict::kNone;
   smallest_ = calcRoundingDistance();
+  // In two dimensions a quarter of the rays, in a quarter of the parts, is enough where psi bends
+  // little.
+  bool is_certain = false;
+  if (n_ == 2) {
+    parts_ /= 4;
+    is_certain = lookAround(rays / 4, rays);
+    parts_ *= 4;
+  }
+  is_certain = is_certain || lookAround(rays, kMostRays);
+  // The free accelerations themselves: nothing is less.
+  if (!(calcRadius() > smallest_)) return Verdict::kFound;
+  return conclude(is_certain);
+}
+
+bool LeastReactionSearch::lookAround(int fewest_rays, int most_rays) {
+  constexpr int kMostRounds = 14;
+  const bool is_quick = most_rays < kMostRays;
   bool is_certain = true;
   int rays = fewest_rays;
   int quiet = 0;
   for (int round = 0; round < kMostRounds && quiet < (n_ == 1 ? 1 : 2); ++round) {
     const double before = candidates_[0].reaction;
-    const double radius = std::sqrt(2.0 * before);
-    // The free accelerations themselves: nothing is less.
-    if (!(radius > smallest_)) return Verdict::kFound;
+    if (!(calcRadius() > smallest_)) return true;
     // The first look is a coarse one, which may make the ball much smaller.
-    is_certain = lookThrough(radius, rays, round == 0 ? 0 : kMostHalvings);
+    is_certain = lookThrough(calcRadius(), rays, round == 0 ? 0 : kMostHalvings);
     const bool is_better = candidates_[0].reaction < before * (1.0 - 1e-9);
     quiet = is_better || round == 0 ? 0 : quiet + 1;
     if (n_ == 1 || round == 0) continue;
-    // As many rays as there are minima to be told apart around the ball.
+    // As many rays as there are minima to be told apart around the ball; of few ones more, as psi
+    // needs samples along them: it bends around the ball, too.
     const double per_ray = std::max(1.0, static_cast<double>(noted_) / rays);
-    const double wanted = fewest_rays * std::pow(per_ray, n_ - 1);
-    if (wanted > rays && rays < kMostRays) quiet = 0;
-    is_certain = is_certain && wanted <= kMostRays;
-    rays = static_cast<int>(std::clamp<double>(wanted, rays, kMostRays));
+    const double samples = static_cast<double>(evaluations_) / rays / (2 * parts_ + 1);
+    const double wanted =
+        fewest_rays * (is_quick ? std::max(1.0, samples) : 1.0) * std::pow(per_ray, n_ - 1);
+    if (is_quick && wanted > most_rays) return false;
+    if (wanted > rays && rays < most_rays) quiet = 0;
+    is_certain = is_certain && wanted <= most_rays;
+    rays = static_cast<int>(std::clamp<double>(wanted, rays, most_rays));
   }
-  return conclude(is_certain && quiet > 0);
+  return is_certain && quiet > 0;
 }
 
 void LeastReactionSearch::setUp() {
@@ -237,7 +256,6 @@ LeastReactionSearch::Sample LeastReactionSearch::interpolate(const Sample& a, co
 bool LeastReactionSearch::lookThrough(double radius, int rays, int halvings) {
   // Starts of minima just inside may lie just outside.
   constexpr double kBeyond = 1.2;
-  const int parts = n_ == 1 ? 256 : 16;  // before they are halved
   start_count_ = 0;
   noted_ = 0;
   evaluations_ = 0;
@@ -249,10 +267,10 @@ bool LeastReactionSearch::lookThrough(double radius, int rays, int halvings) {
     const Vector along = calcDirection(next_ray_++);
     Sample from = evaluate(along, 0.0);
     if (ray == 0) noteStart(from, along, 1.0);
-    for (int part = 1; part <= parts; ++part) {
+    for (int part = 1; part <= parts_; ++part) {
       // Uneven parts: a periodic psi may not have their period.
-      const double end = part < parts ? part + 0.2 * std::sin(part * part) : part;
-      const Sample to = evaluate(along, reach_ * end / parts);
+      const double end = part < parts_ ? part + 0.2 * std::sin(part * part) : part;
+      const Sample to = evaluate(along, reach_ * end / parts_);
       lookWithin(from, to, along, halvings);
       from = to;
     }

@@ -68,6 +68,7 @@ class LeastReactionSearch {
   static constexpr int kMostStarts = 48;
   static constexpr int kMostCandidates = 4;
   static constexpr int kMostRays = 768;
+  static constexpr int kRays = 96;  ///< in more than one dimension
   /// Samples that one look through the ball may take, and halvings of one part of a ray.
   static constexpr int kMostEvaluations = 40000;
   static constexpr int kMostHalvings = 22;
@@ -108,6 +109,10 @@ class LeastReactionSearch {
   Sample evaluate(const Vector& along, double t);
   /// The cubic through both ends at the part `theta` of [a, b].
   static Sample interpolate(const Sample& a, const Sample& b, double theta);
+  /// Looks through the ball, which becomes smaller, until that brings nothing better. False if
+  /// there may be a better candidate still; one that most_rays find where these are few.
+  bool lookAround(int fewest_rays, int most_rays);
+  double calcRadius() const { return std::sqrt(2.0 * candidates_[0].reaction); }
   /// Notes the starts in the ball, halves parts of rays up to `halvings` times, and descends from
   /// the starts. Returns false if psi needs more samples.
   bool lookThrough(double radius, int rays, int halvings);
@@ -160,6 +165,7 @@ class LeastReactionSearch {
   Matrix F_;      // S x soft
   Matrix T_;      // (v, hard) = T psi
   int next_ray_ = 0;
+  int parts_ = 0;            // of a ray, before they are halved
   int noted_ = 0;            // minima in the last look through the ball
   int evaluations_ = 0;      // samples in it
   bool is_resolved_ = true;  // it had samples enough for psi
