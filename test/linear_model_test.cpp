@@ -475,6 +475,37 @@ TEST(LinearModel, HasExactZerosForATrainThatNothingHolds) {
   }
 }
 
+// The full model has the minimal one's eigenvalues, and zeros: what stays constant off the
+// manifold. Its zeros are of several Jordan blocks, of which a deflation by rows that are all
+// rounding takes the wrong ones.
+TEST(LinearModel, HasTheSameEigenvaluesBesideTheZerosOfTheFullModel) {
+  for (const char* const ratio : {"1.334", "-0.7"}) {
+    for (const char* const inertia : {"1.7338", "0.3", "12.1"}) {
+      for (const char* const coupled : {"0.0474", "0.08", "-0.05"}) {
+        SCOPED_TRACE(std::string(ratio) + ", " + inertia + ", " + coupled);
+        const Scene scene = test::sceneFromText(
+            std::string("a 1.3609, b ") + inertia + ", c 1.4576",
+            {std::string("ab = KinematicRatio, shafts: [a, b], ratio: ") + ratio,
+             "ac = ElasticCoupling, shafts: [a, c], stiffness: 525.1745, damping: 4.1716",
+             "drag on a: -1.2985*w_a"},
+            std::string("inertia_coupling: [[a, c, ") + coupled +
+                "]]\nprinciple: generalized_gauss");
+        Simulation simulation(scene);
+        const OperatingPoint point = simulation.operatingPoint();
+        const auto minimal = calcEigenvalues(linearize(scene, point));
+        const auto full = calcEigenvalues(linearize(scene, point, LinearForm::kFull));
+        ASSERT_EQ(full.size(), 9U);
+        ASSERT_GE(minimal.size(), 4U);
+        for (std::size_t n = 1; n <= 3; ++n) {
+          const auto expected = minimal[minimal.size() - n];
+          EXPECT_NEAR(std::abs(full[9 - n] - expected), 0.0, 1e-9 * std::abs(expected)) << n;
+        }
+        for (std::size_t n = 0; n < 6; ++n) EXPECT_EQ(full[n], 0.0) << n;
+      }
+    }
+  }
+}
+
 TEST(LinearModel, TakesNoSlowEigenvalueForAZero) {
   LinearModel model;
   model.A = Eigen::MatrixXd::Zero(3, 3);

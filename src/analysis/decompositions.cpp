@@ -53,33 +53,47 @@ void balance(MatrixXd& M) {
   }
 }
 
-// Deflates some eigenvalues 0 of M: with columns N that span its kernel and Q = (N, N') orthogonal
-//     Q^T M Q = (0 B; 0 M'),
-// M' has the others, and a kernel again if 0 has Jordan blocks of two. Returns the number deflated.
-// (Kublanovskaya, On a method of solving the complete eigenvalue problem for a degenerate matrix,
-// USSR Comput. Math. Math. Phys. 6, 1966.)
+// Deflates some eigenvalues 0 of M: of rank r, M = G F with F, r independent rows of M, and G, by
+// which all rows follow from them. F G has M's other eigenvalues, and each Jordan block of 0 is
+// shorter by one (Flanders, Elementary divisors of AB and BA, Proc. AMS 2, 1951). Returns the
+// number deflated. G and F G get exact zeros where only rounding stands: the scaling of the next
+// call would make it as large as other entries.
 int deflateZero(MatrixXd& M) {
   constexpr double kRounding = 1e-12;
+  constexpr double kCancelled = 1e-14;
+  balance(M);
   const auto size = M.rows();
-  if (size == 0) return 0;
-  // Small entries are no zeros: scale rows and columns to one length before the kernel is sought.
+  // Small entries are no zeros: scale rows and columns to one length before rows are compared.
   MatrixXd scaled = M;
   VectorXd factors = VectorXd::Ones(size);
   for (int round = 0; round < 4; ++round) {
     for (int j = 0; j < size; ++j) {
       const double row = scaled.row(j).norm();
-      if (row > 0.0) scaled.row(j) /= row;
+      if (row > 0.0) {
+        scaled.row(j) /= row;
+        factors(j) *= row;
+      }
       const double column = scaled.col(j).norm();
-      if (!(column > 0.0)) continue;
-      scaled.col(j) /= column;
-      factors(j) /= column;
+      if (column > 0.0) scaled.col(j) /= column;
     }
   }
-  const MatrixXd kernel = factors.asDiagonal() * findKernel(scaled, kRounding);
-  if (kernel.cols() == 0) return 0;
-  const MatrixXd rest = findKernel(kernel.transpose(), 0.0);
-  M = rest.transpose() * M * rest;
-  return static_cast<int>(kernel.cols());
+  const std::vector<int> kept = findIndependentRows(scaled.transpose(), kRounding).pivots;
+  const auto rank = static_cast<Eigen::Index>(kept.size());
+  if (rank == size) return 0;
+  MatrixXd G;
+  solveShortest(chooseRows(scaled, kept).transpose(), scaled.transpose(), kRounding, G);
+  G.transposeInPlace();
+  G = (G.array().abs() > kRounding).select(G, 0.0);
+  G = factors.asDiagonal() * G;
+  for (Eigen::Index j = 0; j < rank; ++j) {
+    G.col(j) /= factors(kept[static_cast<std::size_t>(j)]);
+    G.row(kept[static_cast<std::size_t>(j)]) = MatrixXd::Identity(rank, rank).row(j);
+  }
+  const MatrixXd F = chooseRows(M, kept);
+  const MatrixXd product = F * G;
+  const MatrixXd terms = F.cwiseAbs() * G.cwiseAbs();
+  M = (product.array().abs() > kCancelled * terms.array()).select(product, 0.0);
+  return static_cast<int>(size - rank);
 }
 
 }  // namespace
@@ -125,7 +139,6 @@ std::vector<std::complex<double>> findEigenvalues(MatrixXd M, int* zero_index) {
   int index = 0;
   const bool is_finite = M.allFinite();
   if (is_finite) {
-    balance(M);
     while (const int zeros = deflateZero(M)) {
       values.insert(values.end(), static_cast<std::size_t>(zeros), std::complex<double>());
       ++index;
