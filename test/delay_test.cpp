@@ -273,6 +273,14 @@ TEST(Delay, IsRefusedByNameWhereThereIsNoPast) {
   expectFault([&] { (void)trim(simulation.scene(), {}); });
 }
 
+TEST(Delay, IsNoNamedInput) {
+  Simulation simulation = simulate(sceneText(
+      "a 1", {"law on a: -delay(w_a, 0.2)", "motor = CommandedTorque, shaft: a, topic: motor"}));
+  simulation.command(1, 3.0);
+  EXPECT_EQ(simulation.quantityNames(QuantityGroup::kInputs), std::vector<std::string>{"motor"});
+  EXPECT_EQ(valueOf(simulation, QuantityGroup::kInputs, 0), 3.0);
+}
+
 TEST(Delay, IsKeptByEveryStepper) {
   const std::string yaml = oneShaft("-delay(w_a, 1)", "initial: {velocity: [1]}");
   for (const char* stepper : {"auto", "taylor", "radau", "dopri5", "fehlberg78",

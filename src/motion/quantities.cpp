@@ -19,6 +19,7 @@ Quantities::Quantities(const Scene& scene)
   if (has_formulas_) inertia_ = {*scene.graph, inertiaOf(*scene.graph, scene)};
   auto& [names, inputs, outputs, states, variables, principle] = names_;
   for (const CommandInputSettings& input : scene.inputs) {
+    if (input.kind == InputKind::kDelayed) continue;
     (input.kind == InputKind::kState      ? states
      : input.kind == InputKind::kVariable ? variables
                                           : inputs)
