@@ -264,9 +264,9 @@ TEST(Delay, WhosePastIsTooLongStopsByName) {
 }
 
 TEST(Delay, IsRefusedByNameWhereThereIsNoPast) {
-  const std::string yaml = oneShaft("-delay(w_a, 1)");
+  const std::string yaml = oneShaft("-delay(w_a, 0.04)");
   const auto expectFault = [](const auto& run) {
-    test::expectRefused("law", {"'delay(w_a, 1)'"}, [&] { run(); });
+    test::expectRefused("law", {"'delay(w_a, 0.04)'", "rate: (x - z)/0.04"}, [&] { run(); });
   };
   Simulation simulation = simulate(yaml);
   expectFault([&] { (void)emitScene(simulation, "scene", "scene"); });

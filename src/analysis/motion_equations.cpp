@@ -76,9 +76,7 @@ MotionEquations::MotionEquations(const Scene& scene, const std::vector<int>& mod
       graph_(*scene.graph),
       J_(graph_, scene),
       with_rates_of_d_(with_rates_of_d) {
-  scene.refuseDelays(
-      "linear models, steady states and checks of the principle have no past here; allowed: states "
-      "that follow it instead, rate: (x - z)/0.2, or of a steady state a scene without the delay");
+  scene.refuseDelays("linear models, steady states and checks of the principle have no past here");
   if (!scene.nameOfDirection().empty()) {
     throw SceneError(
         scene.nameOfDirection(),

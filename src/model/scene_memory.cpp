@@ -323,7 +323,9 @@ int Scene::firstDelay() const {
 void Scene::refuseDelays(const std::string& why) const {
   if (firstDelay() < 0) return;
   const CommandInputSettings& input = inputs[static_cast<std::size_t>(firstDelay())];
-  throw SceneError(input.owner, "reads " + inQuotes(input.name) + ", and " + why);
+  throw SceneError(input.owner, "reads " + inQuotes(input.name) + ", and " + why +
+                                    "; allowed: a state that follows it instead, rate: (x - z)/" +
+                                    formatNumber(input.delay));
 }
 
 }  // namespace variator_sim

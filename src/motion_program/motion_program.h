@@ -23,8 +23,7 @@ auto orRefuse(const std::string& fault, Make make) {
 }
 
 /// The reason for which a scene with a delay is no program of its own.
-inline constexpr const char* kNoPast =
-    "programs of their own keep no past; allowed: states that follow it instead, rate: (x - z)/0.2";
+inline constexpr const char* kNoPast = "programs of their own keep no past";
 
 class MotionProgram : public MotionData {
  public:

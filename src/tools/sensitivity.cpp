@@ -63,9 +63,7 @@ Made make(const ParameterTree& tree, const Sensitivity::SceneReader& read) {
   Made made;
   made.scene = std::make_unique<Scene>(read(tree));
   Scene& scene = *made.scene;
-  scene.refuseDelays(
-      "derivatives of a run have no past here; allowed: states that follow it instead, rate: (x - "
-      "z)/0.2");
+  scene.refuseDelays("derivatives of a run have no past here");
   made.solver = scene.solver;
   tighten(&scene.solver);
   made.program =
