@@ -249,6 +249,26 @@ TEST(Controllers, HoldASpeedWithinTheirLimits) {
   }
 }
 
+// I' = (u - v)/tracking_time, u = 3, v = e + I, e = 5 - 3 t
+TEST(Controllers, FollowTheirLimitsWithoutAnIntegralGain) {
+  Simulation simulation = simulate(sceneText("a 1", {"motor on a: c"},
+                                             "states: [c]\nc: {type: pid, error: \"5 - w_a\", kp: "
+                                             "1, limits: [-3, 3], tracking_time: 0.5}"));
+  ASSERT_TRUE(simulation.advanceTo(0.4).ok()) << simulation.describeStatus();
+  // I' = -2 I - 4 + 6 t
+  EXPECT_NEAR(stateOf(simulation, "c_integral"), 3.5 * (std::exp(-0.8) - 1.0) + 3.0 * 0.4, 1e-10);
+}
+
+// f' = (1 - f)/T from f = 0, u = f'
+TEST(Controllers, BeginWithAFilterOfZero) {
+  Simulation simulation =
+      simulate(sceneText("a 1", {"motor on a: c"},
+                         "states: [c]\nc: {type: pid, error: \"1\", kd: 1, derivative_time: 0.2}"));
+  EXPECT_NEAR(simulation.sample().acceleration[0], 5.0, 1e-12);
+  ASSERT_TRUE(simulation.advanceTo(0.3).ok()) << simulation.describeStatus();
+  EXPECT_NEAR(simulation.sample().acceleration[0], 5.0 * std::exp(-1.5), 1e-9);
+}
+
 // --- what observers read -------------------------------------------------------------------------
 
 double outputOf(Simulation& simulation, const std::string& name) {

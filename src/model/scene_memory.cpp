@@ -89,14 +89,13 @@ Pid readPid(ParameterReader& reader) {
         formatNumber(made.derivative_time) + " beside a kd of " + formatNumber(made.kd) +
             ": kd/derivative_time is beyond double precision; allowed: a longer time");
   }
-  if (!reader.has("limits")) return made;
-  made.limits = reader.numbers("limits", 2);
-  if (!(made.limits[0] < made.limits[1])) {
+  if (reader.has("limits")) made.limits = reader.numbers("limits", 2);
+  if (!made.limits.empty() && !(made.limits[0] < made.limits[1])) {
     throw reader.error("limits", formatNumber(made.limits[0]) + " and " +
                                      formatNumber(made.limits[1]) +
                                      ": the lower limit comes first");
   }
-  if (made.ki != 0.0) {
+  if (reader.has("tracking_time") || (made.ki != 0.0 && !made.limits.empty())) {
     std::optional<double> preset;
     if (made.kp / made.ki > 0.0) preset = made.kp / made.ki;
     made.tracking_time = reader.number("tracking_time", Range::positive("s"), preset);
@@ -125,10 +124,10 @@ void readController(const std::string& name, ParameterReader& root, SceneState* 
   if (!pid.limits.empty()) {
     u = graph.minimum(graph.maximum(v, graph.constant(pid.limits[0])),
                       graph.constant(pid.limits[1]));
-  }
-  if (pid.tracking_time > 0.0) {
-    states[0].rate =
-        graph.add(states[0].rate, times(1.0 / pid.tracking_time, graph.subtract(u, v)));
+    if (pid.tracking_time > 0.0) {
+      states[0].rate =
+          graph.add(states[0].rate, times(1.0 / pid.tracking_time, graph.subtract(u, v)));
+    }
   }
   scene->symbols.values[name] = u;
   reader.finish();
