@@ -408,8 +408,12 @@ class ModesTest(FolderTestCase):
         scene = scene_text("a 1.0, b 1.0", [
             'clutch = Clutch, shafts: [a, b], capacity: 5, ratio: "1+0.1*t"'])
         self.assertIn("generalized_gauss", self.told(scene, "--emit-c", self.folder / "made"))
-        self.check_refused(scene.replace("1+0.1*t", "1") + "initial: {acceleration: [1, 2]}\n", "initial/acceleration",
+        self.check_refused(scene, "clutch: its ratio changes", "generalized_gauss")
+        scene = scene.replace("1+0.1*t", "1")
+        self.check_refused(scene + "initial: {acceleration: [1, 2]}\n", "initial/acceleration: belongs to no scene",
                            "clutch")
+        self.check_refused(scene + "constraints: [cap]\ncap: {type: variator_sim/ExpressionConstraint, order: 2, "
+                           "expression: e1^2 + e2 - 1}\n", "cap: is not linear in the accelerations", "clutch")
 
     def test_saved_states_go_on_with_their_modes(self):
         scene = (FOLDER / "test/modes/CoupledClutches.yaml").read_text()

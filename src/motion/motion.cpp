@@ -25,13 +25,8 @@ bool areRowsConstant(const Scene& scene) {
 }
 
 std::shared_ptr<const MotionProgram> makeProgram(const Scene& scene) {
-  const auto make = [&] {
-    return std::make_shared<const MotionProgram>(scene, std::vector<expression::Node>{},
-                                                 MotionProgram::Steps::kByStepper);
-  };
-  if (!hasMoreThanLaws(scene)) return make();
-  return orRefuse("cannot be stepped by power series, as states, events and elements that hold are",
-                  make);
+  return std::make_shared<const MotionProgram>(scene, std::vector<expression::Node>{},
+                                               MotionProgram::Steps::kByStepper);
 }
 
 }  // namespace

@@ -117,7 +117,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   try {
     return {*scene.graph, trial, others, listSlots(scene)};
   } catch (const std::invalid_argument& error) {
-    throw SceneError("", std::string("its formulas have ") + error.what());
+    throw SceneError("", std::string("the formulas have ") + error.what());
   }
 }
 

@@ -171,7 +171,7 @@ void addHolds(const Scene& scene, SceneFormulas& made) {
   for (const ConstraintPtr& it : scene.constraints) {
     if (made.holds.empty() || it->nonlinearAccelerations().none()) continue;
     throw SceneError(it->name(),
-                     "it is not linear in the accelerations, and which modes follow an event is "
+                     "is not linear in the accelerations, and which modes follow an event is "
                      "known beside linear constraints only; allowed: a scene without " +
                          inQuotes(made.hold_names.front()));
   }

@@ -66,12 +66,9 @@ Made make(const ParameterTree& tree, const Sensitivity::SceneReader& read) {
   scene.refuseDelays("derivatives of a run have no past here");
   made.solver = scene.solver;
   tighten(&scene.solver);
-  made.program =
-      orRefuse("has no derivatives, since its motion is not stepped by power series", [&] {
-        auto program = std::make_unique<MotionProgram>(scene, shownNodes(scene));
-        program->requireText();
-        return program;
-      });
+  made.program = std::make_unique<MotionProgram>(scene, shownNodes(scene));
+  orRefuse("has no derivatives, since its motion is not stepped by power series",
+           [&] { made.program->requireText(); });
   made.numbers = made.program->numbers();
   const auto shafts = scene.shafts.size();
   for (Numbers initial :
