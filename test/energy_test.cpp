@@ -337,7 +337,8 @@ TEST(EnergyDoubt, ComesWhenTheReactionsHaveFivePercent) {
   EXPECT_NEAR(doubt.since, since, 0.5);
   EXPECT_GT(doubt.throughput, 100.0);
   const std::string text = describe(doubt);
-  for (const char* word : {"generalized_gauss", "doc/theory.md", "principle: gauss", " J", "%"}) {
+  for (const char* word : {"generalized_gauss", "null-space component", "doc/theory.md",
+                           "principle: gauss", " J", "%"}) {
     EXPECT_NE(text.find(word), std::string::npos) << text;
   }
 }

@@ -39,10 +39,9 @@ std::string describe(const EnergyDoubt& doubt) {
                                 : "while the applied torques brought and took none";
   return printed(
       "under the principle 'generalized_gauss' the reactions have %s %.3g J by t = %.6g s, %s "
-      "(first more than 5 %% at t = %.6g s): while C turns they remember what they were, and feed "
-      "or "
-      "drain the machine; a lossless ratio without memory is 'principle: gauss' "
-      "(doc/theory.md)",
+      "(first more than 5 %% at t = %.6g s): where the constraints' Jacobian C varies, R' = C^T "
+      "Lambda gives the reaction R a null-space component, which does work; under 'principle: "
+      "gauss' R = C^T lambda has none, and a ratio is lossless (doc/theory.md)",
       doubt.reactions < 0.0 ? "taken" : "fed in", std::abs(doubt.reactions), doubt.time,
       share.c_str(), doubt.since);
 }
