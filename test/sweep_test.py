@@ -211,6 +211,28 @@ class SweepTest(FolderTestCase):
                     for name in ("load/velocity", "load/angle"):
                         self.assertEqual(table[f"final({name})"][row], simulation.sample()[name])
 
+    def test_formulas_that_read_reactions_have_the_inertias_of_their_row(self):
+        """R = J epsilon + n - Q has J in it, and so have jerks and multipliers."""
+        scene = {"shafts": ["a", "b"], "torques": ["m"], "constraints": ["g"], "outputs": ["o"], "states": ["z"],
+                 "a": {"inertia": {"mean": 1.0, "harmonics": [{"order": 1, "cos": 0.3}]}}, "b": {"inertia": 2.0},
+                 "m": {"type": "variator_sim/ExpressionTorque", "shaft": "a", "torque": "3 - 0.1*w_a"},
+                 "g": {"type": "variator_sim/KinematicRatio", "shafts": ["a", "b"], "ratio": 0.5},
+                 "o": {"expression": "0"}, "z": {"rate": "0"}}
+        names = ["outputs/o", "states/z"]
+        for formula in ("R_a", "Rr_b", "j_a", "g_multiplier"):
+            for shown, rate in ((formula, "0"), ("w_a", formula)):
+                read = {**scene, "o": {"expression": shown}, "z": {"rate": rate}}
+                for path, values in (("a/inertia/mean", [0.8, 1.0, 1.4]), ("b/inertia", [2.0, 3.0]),
+                                     ("a/inertia/harmonics[0]/cos", [0.1, 0.3])):
+                    with self.subTest(formula=formula, rate=rate, path=path):
+                        table = variator_sim.sweep(read, 0.5, grid={path: values}, threads=1,
+                                                   metrics=[f"final({name})" for name in names])
+                        for row, value in enumerate(values):
+                            result = variator_sim.simulate(read, 0.5, overrides={path: value},
+                                                           columns="state,outputs,states")
+                            for name in names:
+                                self.assertEqual(table[f"final({name})"][row], result[name][-1])
+
     def test_machine_code_of_one_row_serves_all_and_changes_no_bit(self):
         def run(machine_code):
             return variator_sim.sweep(SHIP, 3.0, grid={"load/inertia": [1.9, 2.0, 2.1]},

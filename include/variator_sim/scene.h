@@ -103,6 +103,9 @@ struct Scene {
   /// J_ij, s x s, where an entry is a formula of angles, the time and inputs (`inertia` has the
   /// values at the start then); else empty.
   std::vector<expression::Node> inertia_formulas;
+  /// True where a formula reads a reaction, a jerk or a multiplier, which have J in them as
+  /// numbers.
+  bool formulas_read_inertia = false;
   std::vector<TorquePtr> torques;
   std::vector<ConstraintPtr> constraints;
   std::vector<CommandInputSettings> inputs;
@@ -155,11 +158,12 @@ struct Scene {
 Scene readScene(const ParameterTree& tree, ComponentFactory& factory,
                 const NodeNames& node = nodeNames());
 
-/// Reads anew inertias, initial conditions and the solver's settings, which no formula depends on,
-/// from a tree that differs from that of `scene` in nothing else; empties its trees. Much faster
-/// than readScene. Throws SceneError as readScene does; `scene` is then invalid.
+/// Reads anew inertias, initial conditions and the solver's settings, where no formula depends on
+/// them (isOutsideFormulas), from a tree that differs from that of `scene` in nothing else; empties
+/// its trees. Much faster than readScene. Throws SceneError as readScene does; `scene` is then
+/// invalid.
 void rereadNumbers(const ParameterTree& tree, const NodeNames& node, Scene* scene);
-/// True for a path that rereadNumbers reads.
+/// True for a path that rereadNumbers reads and no formula of the scene depends on.
 bool isOutsideFormulas(const std::string& path, const Scene& scene);
 
 }  // namespace variator_sim

@@ -446,7 +446,8 @@ void rereadNumbers(const ParameterTree& given, const NodeNames& node, Scene* sce
 bool isOutsideFormulas(const std::string& path, const Scene& scene) {
   const std::string first = path.substr(0, path.find_first_of("/["));
   if (!scene.inertia_formulas.empty()) return first == "solver";
-  return first == "initial" || first == "solver" || contains(scene.shafts, first);
+  if (first == "initial" || first == "solver") return true;
+  return contains(scene.shafts, first) && !scene.formulas_read_inertia;
 }
 
 std::string Scene::nameOfDirection() const {

@@ -88,6 +88,7 @@ class Reactions {
                        "reaction_torque, reaction_torque_rate and multiplier tell it");
     }
     if (!reaction_.empty()) return;
+    scene_.formulas_read_inertia = true;
     for (const Node node : inertiaOf(graph_, scene_)) inertia_.push_back(of(node));
     const std::vector<Node> torque = sumTorques(scene_, &Torque::torques);
     for (int i = 0; i < shafts_; ++i) {
@@ -215,7 +216,7 @@ class Reactions {
     return jerks_ = solveRows(matrix, std::move(force), right);
   }
 
-  const Scene& scene_;
+  Scene& scene_;
   Graph& graph_;
   const bool knows_rates_;
   const int shafts_;
