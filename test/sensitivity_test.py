@@ -126,6 +126,21 @@ class SensitivityTest(SimulateTestCase):
             with self.subTest(seed=seed, kind=kind):
                 self.check(scene, paths, 2.0, [(0.4, "m", 4.0), (1.1, "m", 1.5)])
 
+    def test_kink_behind_a_short_step(self):
+        """The end of a step behind a kink, moved by its derivatives alone, lay before the kink again for some k."""
+        scene = {"shafts": ["a", "b"], "torques": ["load", "drive", "clutch"],
+                 "a": {"inertia": {"mean": 1.913, "harmonics": [{"order": 1, "cos": 0.054, "sin": 0.152}]}},
+                 "b": {"inertia": 1.831},
+                 "load": {"type": "variator_sim/ExpressionTorque", "shaft": "a", "torque": "-1.6019", "reaction_on": "b"},
+                 "drive": {"type": "variator_sim/ExpressionTorque", "shaft": "b", "torque": "clamp(M*sin(3*t), -k, k)",
+                           "parameters": {"M": 5.351, "k": 1.607}},
+                 "clutch": {"type": "variator_sim/Clutch", "shafts": ["b", "a"], "capacity": 4.955, "ratio": 1.372},
+                 "initial": {"angle": [-0.26, -0.162], "velocity": [4.573, 5.998]}}
+        for k in np.linspace(1.2, 2.2, 101).round(4).tolist() + [1.607]:
+            scene["drive"]["parameters"]["k"] = k
+            with self.subTest(k=k):
+                self.check(scene, ["drive/parameters/k"], 0.3, count=8)
+
     def test_table(self):
         """A table's values and points, smooth and of straight lines."""
         for interpolation in ("smooth", "linear"):
