@@ -182,6 +182,8 @@ TEST(BesideABrake, StopsNameTheElementAndAWayOut) {
       {"1 - 3*sign(w_a)", {"Chattering", "tanh(w/0.01) for sign(w)", "torque 'q'"}},
       {"sqrt(w_a - 1)", {"NonFiniteValue", "torque 'q', its 0.5*e_a/sqrt(w_a - 1)"}},
       {"w_a^2", {"StepUnderflow", "ever faster", "the shafts run away, driven by torque 'q'"}},
+      {"w_a*abs(w_a)",
+       {"StepUnderflow", "ever faster", "the shafts run away, driven by torque 'q'"}},
       {"100*cos(5e4*t)", {"StepLimit", "'solver/maximum_steps: ", "fastest changes torque 'q'"}}};
   for (const auto& [torque, words] : stops) {
     const std::string text = stopOf(

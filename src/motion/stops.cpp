@@ -223,6 +223,8 @@ std::string StopSearch::findBranch(Element* owner) {
   double slope[3 * kMaxShafts];
   calcSlope(slope);
   const double reach = std::pow(10.0, kReach) * leastDistance();
+  // Of a motion that runs away in a finite time the state so far ahead is none of its own.
+  if (motion_.status.measure * reach > 1.0) return "";
   std::vector<int> signs[3];
   for (int side = -1; side <= 1; ++side) {
     const Ahead ahead(program_.it.state, slope, 3 * S, side * reach);
