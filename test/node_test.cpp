@@ -2,6 +2,7 @@
 // that only a failure reaches.
 #include <ros/package.h>
 #include <ros/ros.h>
+#include <rosgraph_msgs/Log.h>
 #include <sensor_msgs/JointState.h>
 #include <std_msgs/Float64.h>
 #include <std_srvs/Trigger.h>
@@ -610,6 +611,33 @@ TEST(Node, RefusesAndCountsCommandsThatAreNotFinite) {
     EXPECT_EQ(state.applied_torque[0], 5.0);
     EXPECT_TRUE(std::isfinite(state.acceleration[0]));
   }
+}
+
+// The scene has more inputs than topics: its variable is one, too.
+TEST(Node, WarnsOfOddCommandsByTheirTopic) {
+  Node node("clamping");
+  std::mutex mutex;
+  std::string log;
+  const ros::Subscriber listener = ros::NodeHandle().subscribe<rosgraph_msgs::Log>(
+      "/rosout", 100, [&](const rosgraph_msgs::LogConstPtr& message) {
+        const std::lock_guard<std::mutex> lock(mutex);
+        if (message->name == "/clamping") log += message->msg + "\n";
+      });
+  const auto hasLogged = [&](const std::string& text) {
+    const std::lock_guard<std::mutex> lock(mutex);
+    return log.find(text) != std::string::npos;
+  };
+  ros::Publisher push = node.commander("push");
+  std_msgs::Float64 command;
+  command.data = std::numeric_limits<double>::quiet_NaN();
+  // (The node tells it once a second: what comes before the log is connected is lost.)
+  EXPECT_TRUE(node.waitFor([&] {
+    push.publish(command);
+    return hasLogged("nan on /clamping/push: ");
+  }));
+  command.data = 9.0;
+  push.publish(command);
+  EXPECT_TRUE(node.waitFor([&] { return hasLogged("/clamping/push: the command 9"); }));
 }
 
 TEST(Node, StatusTellsPacingAndCounts) {

@@ -446,11 +446,10 @@ void SimulationServer::logReactionEnergy() {
 void SimulationServer::logOddCommands() {
   InputCommand command;
   while (loop_.popOddCommand(command)) {
-    const auto input = static_cast<std::size_t>(command.input);
-    const std::string topic = command_subscribers_[input].getTopic();
+    const CommandInputSettings& input = scene_.inputs[static_cast<std::size_t>(command.input)];
+    const std::string topic = private_handle_.resolveName(input.topic);
     if (std::isfinite(command.value)) {
-      ROS_WARN("%s: %s", topic.c_str(),
-               describeClamped(scene_.inputs[input], command.value).c_str());
+      ROS_WARN("%s: %s", topic.c_str(), describeClamped(input, command.value).c_str());
     } else if (refused_log_.passes(steady_clock_.now())) {
       ROS_WARN("Refused %g on %s: commands must be finite.", command.value, topic.c_str());
     }
