@@ -24,8 +24,9 @@ from support.subtests import TestCase
 PACKAGE = "variator_sim"
 FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
 SCHEMAS = os.environ.get("VARIATOR_SIM_FMI_SCHEMAS", "/usr/share/fmi")
-SCENES = {"memory": "test/scenes/c/memory", "slip": "test/fmu/slip", "engine": "test/fmu/engine",
-          "vehicle": "test/fmu/vehicle", "locomotive": "config/applications/diesel_locomotive"}
+SCENES = {"memory": "test/scenes/c/memory", "slip": "test/fmu/slip", "ramps": "test/fmu/ramps",
+          "engine": "test/fmu/engine", "vehicle": "test/fmu/vehicle",
+          "locomotive": "config/applications/diesel_locomotive"}
 # The quantities of the motion itself; others round in another order.
 MOTION = ("angle", "velocity", "acceleration", "applied_torque", "reaction_torque", "reaction_torque_rate", "residual",
           "multiplier", "slip", "reserve", "heat")
@@ -180,6 +181,10 @@ class FmuTest(TestCase):
     def test_equals_simulate_slip(self):
         for version in (2, 3):
             self.assertEqual(self.check_like_simulate("slip", version, 5.0, 0.02), {-1, 0, 2})
+
+    def test_equals_simulate_ramps(self):
+        for version in (2, 3):
+            self.check_like_simulate("ramps", version, 5.0, 0.05)
 
     def test_equals_simulate_locomotive(self):
         self.check_like_simulate("locomotive", 3, 60.0, 0.1)

@@ -108,10 +108,7 @@ static void fmu_aim(fmu_motion* m) {
 
 static void fmu_describe_inputs(fmu_motion* m) {
   int i;
-  for (i = 0; i < INPUTS; ++i) {
-    vs_describe_signal(&m->signal[i], &m->input[i]);
-    m->input[i].end += m->input[i].age;
-  }
+  for (i = 0; i < INPUTS; ++i) vs_describe_signal(&m->signal[i], &m->input[i]);
 }
 
 static void fmu_command_signal(fmu_motion* m, int i) {
@@ -292,10 +289,9 @@ static void fmu_change_inputs(fmu_motion* m) {
   m->origin = m->time;
   for (i = 0; i < INPUTS; ++i) {
     scene_signal* const it = &m->signal[i];
-    if (it->end <= moved) vs_hold_constant(it, it->target);
+    if (it->end - it->age <= moved) vs_hold_constant(it, it->target);
     it->age += moved;
-    it->end -= moved;
-    if (m->is_new[i] && it->target != m->target[i]) fmu_command_signal(m, i);
+    fmu_command_signal(m, i);
   }
   fmu_describe_inputs(m);
   m->status = (scene_status)vs_host_change(&m->host, &m->it);
