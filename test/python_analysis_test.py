@@ -200,6 +200,10 @@ class PythonAnalysisTest(TestCase):
                 (lambda: simulation.trim({"w_drvie": 1}), variator_sim.SceneError, "'w_drive'"),
                 (lambda: simulation.trim({"w_drive": float("nan")}), variator_sim.SceneError,
                  "w_drive.*finite"),
+                (lambda: simulation.trim({"w_drive": {}}), TypeError, "fix: 'w_drive': {}; allowed: a number"),
+                (lambda: simulation.trim(free={"torque": "x"}), TypeError, "free: 'torque': 'x'; allowed: a number"),
+                (lambda: simulation.trim(free=0), TypeError, "free: 0; allowed: a name, a list .* or a dict"),
+                (lambda: simulation.trim([1]), variator_sim.SceneError, "fix: 1 is not a text"),
                 (lambda: simulation.linearize().save("model.txt"), ValueError, "model.txt.*npz"),
                 (lambda: simulation.linearize().save("/no/folder/model.npz"), OSError, "/no/folder"),
                 (lambda: simulation.linearize({"shfts": {}}), variator_sim.SceneError, "shafts")]:

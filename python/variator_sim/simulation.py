@@ -2,6 +2,7 @@
 
 import collections.abc
 import dataclasses
+import numbers
 import os
 import warnings
 from typing import Any, Dict, Iterable, Iterator, List, Mapping, Union
@@ -158,11 +159,21 @@ class SteadyState:
         return f"<SteadyState {self.state!r}, {self.stability}>"
 
 
-def _choices(choices):
+def _choices(choices, what):
     """Names with values, NaN where there is none."""
+    if choices is None:
+        return []
     if isinstance(choices, str):
         choices = [choices]
-    pairs = choices.items() if hasattr(choices, "items") else [(name, None) for name in choices or ()]
+    if not isinstance(choices, collections.abc.Iterable):
+        raise TypeError(f"{what}: {shown(choices)}; allowed: a name, a list of names, or a dict such as "
+                        "{'w_drive': 10.0}")
+    pairs = list(choices.items() if hasattr(choices, "items") else [(name, None) for name in choices])
+    for name, value in pairs:
+        if not isinstance(name, str):
+            raise SceneError(f"{what}: {shown(name)} is not a text", what)
+        if value is not None and not isinstance(value, numbers.Real):
+            raise TypeError(f"{what}: '{name}': {shown(value)}; allowed: a number")
     return [(name, numpy.nan if value is None else float(value)) for name, value in pairs]
 
 
@@ -215,11 +226,11 @@ class Simulation(_core.Simulation):
             NoSteadyState: with what stands against it.
             SceneError: a name that means nothing.
         """
-        given = _choices(fix)
+        given = _choices(fix, "fix")
         for name, value in given:
             if not numpy.isfinite(value):
                 raise SceneError(f"fix: '{name}': {_core._format(value)}; allowed: a finite number", "fix")
-        message, found = self._trim(given, _choices(free), accelerating)
+        message, found = self._trim(given, _choices(free, "free"), accelerating)
         if not found:
             raise NoSteadyState(message)
         states = [SteadyState(*it) for it in found]
