@@ -268,7 +268,9 @@ void MotionProgram::setStages(const Scene& scene) {
                3 * SCENE_ROWS + S + directions * (unknowns + S) +
                (1 + 2 * kPairs) * unknowns * unknowns;
   SCENE_PIVOTS = 3 * (1 + kPairs) * unknowns;
-  listLinks(scene);
+  const Links links = findLinks(scene);
+  listPlaces(links);
+  listGroups(links);
   if (CHOOSES_METHOD == 0 && BY_STAGES == 0) SCENE_WORK = SCENE_PIVOTS = 1;
 }
 

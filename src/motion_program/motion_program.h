@@ -1,6 +1,7 @@
 /// A scene as the texts of src/runtime step it: the rows of its formulas, and what else they read.
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -87,7 +88,17 @@ class MotionProgram : public MotionData {
   void listEntries(const expression::Graph& graph);
   bool areCoupled(const Scene& scene, int i, int j) const;
   void listBlocks(const Scene& scene);
-  void listLinks(const Scene& scene);
+  /// For each unknown of a stage the residuals that it moves; slots of the variables in these.
+  struct Links {
+    std::vector<std::set<int>> moved;
+    std::set<int> read;
+  };
+  void linkFormulas(const Scene& scene, const std::vector<expression::Node>& nodes,
+                    const std::vector<int>& residuals, Links* links) const;
+  Links findLinks(const Scene& scene) const;
+  std::vector<std::size_t> orderUnknowns(const Links& links) const;
+  void listPlaces(const Links& links);
+  void listGroups(const Links& links);
   void setInputs(const Scene& scene);
   void setHolds(const expression::Graph& graph);
   void setMemory(const Scene& scene);

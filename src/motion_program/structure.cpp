@@ -75,31 +75,31 @@ void MotionProgram::listBlocks(const Scene& scene) {
   SCENE_MATRIX = std::max(1, SCENE_MATRIX);
 }
 
-/// Lists, for stages, the residuals that each unknown moves, the directions that can be
-/// differentiated along at once, since no residual is moved by two of them, and the places of
-/// unknowns in matrices of a narrow band.
-void MotionProgram::listLinks(const Scene& scene) {
-  const int unknowns = SIZE + STATES;
-  std::vector<std::set<int>> links(static_cast<std::size_t>(unknowns));
-  const auto link = [&links](int unknown, int residual) {
-    links[static_cast<std::size_t>(unknown)].insert(residual);
-  };
-  // Residuals that the formulas of a node move along the directions of every shaft and state.
-  std::set<int> read;  // slots of variables
-  const auto linkAll = [&](const std::vector<Node>& nodes, const std::vector<int>& residuals) {
-    for (const int n : scene.graph->listReachable(nodes)) {
-      const auto& entry = scene.graph->entry({n});
-      if (entry.operation != expression::Operation::kVariable) continue;
-      const int slot = entry.slot;
-      read.insert(slot);
-      for (int u = 0; u < unknowns; ++u) {
-        const bool is_own =
-            u < S ? slot == slotOf(Source::kAngle, u) || slot == slotOf(Source::kVelocity, u) ||
-                        slot == slotOf(Source::kAcceleration, u)
-                  : u >= SIZE && slot == slotOf(Source::kInput, state_input[u - SIZE]);
-        for (const int residual : is_own ? residuals : std::vector<int>()) link(u, residual);
-      }
+/// Links unknowns to the residuals of stages that they move. The formulas of `nodes`, in the
+/// `residuals`, do so along the directions of every shaft and state that they read.
+void MotionProgram::linkFormulas(const Scene& scene, const std::vector<Node>& nodes,
+                                 const std::vector<int>& residuals, Links* links) const {
+  for (const int n : scene.graph->listReachable(nodes)) {
+    const auto& entry = scene.graph->entry({n});
+    if (entry.operation != expression::Operation::kVariable) continue;
+    links->read.insert(entry.slot);
+    for (int u = 0; u < SIZE + STATES; ++u) {
+      const bool is_own =
+          u < S ? entry.slot == slotOf(Source::kAngle, u) ||
+                      entry.slot == slotOf(Source::kVelocity, u) ||
+                      entry.slot == slotOf(Source::kAcceleration, u)
+                : u >= SIZE && entry.slot == slotOf(Source::kInput, state_input[u - SIZE]);
+      if (is_own)
+        links->moved[static_cast<std::size_t>(u)].insert(residuals.begin(), residuals.end());
     }
+  }
+}
+
+MotionProgram::Links MotionProgram::findLinks(const Scene& scene) const {
+  Links links;
+  links.moved.resize(static_cast<std::size_t>(SIZE + STATES));
+  const auto link = [&links](int unknown, int residual) {
+    links.moved[static_cast<std::size_t>(unknown)].insert(residual);
   };
   const auto at = [](const std::vector<Node>& nodes, int n) {
     return nodes[static_cast<std::size_t>(n)];
@@ -111,7 +111,7 @@ void MotionProgram::listLinks(const Scene& scene) {
       if (areCoupled(scene, i, j)) link(j, i);
       if (IS_GENERAL != 0) force.push_back(at(formulas_.pair, S * i + j));
     }
-    linkAll(force, {i});
+    linkFormulas(scene, force, {i}, &links);
   }
   for (int p = 0; p < K; ++p) {
     std::vector<int> moved = {S + p};
@@ -124,64 +124,112 @@ void MotionProgram::listLinks(const Scene& scene) {
       link(S + p, i);
       link(i, S + p);
     }
-    linkAll({at(formulas_.residual, p)}, {S + p});
-    linkAll(rows, moved);
+    linkFormulas(scene, {at(formulas_.residual, p)}, {S + p}, &links);
+    linkFormulas(scene, rows, moved, &links);
   }
   for (int n = 0; n < STATES; ++n) {
     link(SIZE + n, SIZE + n);
-    linkAll({at(formulas_.rate, n)}, {SIZE + n});
+    linkFormulas(scene, {at(formulas_.rate, n)}, {SIZE + n}, &links);
   }
+  return links;
+}
 
-  Net net(static_cast<std::size_t>(unknowns));
-  link_begin.values.push_back(0);
-  for (int u = 0; u < unknowns; ++u) {
-    for (const int residual : links[static_cast<std::size_t>(u)]) {
-      linked.values.push_back(residual);
-      if (residual != u)
-        boost::add_edge(static_cast<std::size_t>(u), static_cast<std::size_t>(residual), net);
+/// Returns all unknowns in an order in which linked ones are near to each other. Constraints come
+/// right behind their shafts: pivots of shafts are inertias, however small C is.
+std::vector<std::size_t> MotionProgram::orderUnknowns(const Links& links) const {
+  const std::size_t unknowns = links.moved.size();
+  const auto isConstraint = [this](std::size_t u) {
+    return static_cast<int>(u) >= S && static_cast<int>(u) < SIZE;
+  };
+  Net net(unknowns);
+  for (std::size_t u = 0; u < unknowns; ++u) {
+    for (const int residual : links.moved[u]) {
+      const auto other = static_cast<std::size_t>(residual);
+      if (other != u && !isConstraint(u) && !isConstraint(other)) boost::add_edge(u, other, net);
     }
+  }
+  for (int p = 0; p < K; ++p) {
+    for (int e = entry_begin[p] + 1; e < entry_begin[p + 1]; ++e) {
+      boost::add_edge(static_cast<std::size_t>(entry_shaft[e - 1]),
+                      static_cast<std::size_t>(entry_shaft[e]), net);
+    }
+  }
+  std::vector<std::size_t> near(unknowns);
+  boost::cuthill_mckee_ordering(net, near.rbegin(), boost::get(boost::vertex_color, net),
+                                boost::make_degree_map(net));
+  std::vector<std::size_t> order;
+  std::set<std::size_t> left;  // constraints
+  for (int p = 0; p < K; ++p) left.insert(static_cast<std::size_t>(S + p));
+  const auto isPlaced = [&order](int shaft) {
+    return std::find(order.begin(), order.end(), static_cast<std::size_t>(shaft)) != order.end();
+  };
+  for (const std::size_t u : near) {
+    if (isConstraint(u)) continue;
+    order.push_back(u);
+    for (auto it = left.begin(); it != left.end();) {
+      const std::size_t p = *it - static_cast<std::size_t>(S);
+      const auto shafts = entry_shaft.values.begin();
+      if (!std::all_of(shafts + entry_begin.values[p], shafts + entry_begin.values[p + 1],
+                       isPlaced)) {
+        ++it;
+        continue;
+      }
+      order.push_back(*it);
+      it = left.erase(it);
+    }
+  }
+  return order;
+}
+
+/// Lists the links, the places of unknowns in matrices, and the envelope of their rows.
+void MotionProgram::listPlaces(const Links& links) {
+  const std::size_t unknowns = links.moved.size();
+  link_begin.values.push_back(0);
+  for (const std::set<int>& moved : links.moved) {
+    linked.values.insert(linked.values.end(), moved.begin(), moved.end());
     link_begin.values.push_back(static_cast<int>(linked.values.size()));
   }
-  std::vector<std::size_t> order(static_cast<std::size_t>(unknowns));
-  boost::cuthill_mckee_ordering(net, order.rbegin(), boost::get(boost::vertex_color, net),
-                                boost::make_degree_map(net));
-  place_of.values.resize(order.size());
-  for (std::size_t n = 0; n < order.size(); ++n) place_of.values[order[n]] = static_cast<int>(n);
-  envelope_begin.values.resize(order.size());
+  const std::vector<std::size_t> order = orderUnknowns(links);
+  place_of.values.resize(unknowns);
+  for (std::size_t n = 0; n < unknowns; ++n) place_of.values[order[n]] = static_cast<int>(n);
+  envelope_begin.values.resize(unknowns);
   std::iota(envelope_begin.values.begin(), envelope_begin.values.end(), 0);
-  envelope_end.values.resize(order.size());
+  envelope_end.values.resize(unknowns);
   std::iota(envelope_end.values.begin(), envelope_end.values.end(), 1);
-  for (int u = 0; u < unknowns; ++u) {
-    for (const int residual : links[static_cast<std::size_t>(u)]) {
+  for (std::size_t u = 0; u < unknowns; ++u) {
+    for (const int residual : links.moved[u]) {
       const auto row = static_cast<std::size_t>(place_of[residual]);
       int& begin = envelope_begin.values[row];
       int& end = envelope_end.values[row];
-      begin = std::min(begin, place_of[u]);
-      end = std::max(end, place_of[u] + 1);
+      begin = std::min(begin, place_of.values[u]);
+      end = std::max(end, place_of.values[u] + 1);
     }
   }
+}
 
+/// Lists the directions that can be differentiated along at once, since no residual is moved by two
+/// of them.
+void MotionProgram::listGroups(const Links& links) {
   std::vector<std::set<int>> taken;  // the residuals that each group moves
   int first = 0;                     // the first group of epsilon, omega, phi or z
   const Source kinds[] = {Source::kAcceleration, Source::kVelocity, Source::kAngle};
   for (int q = 0; q < 3 * S + STATES; ++q) {
-    const std::set<int>& moved =
-        links[static_cast<std::size_t>(q < 3 * S ? q % S : SIZE + q - 3 * S)];
+    const int unknown = q < 3 * S ? q % S : SIZE + q - 3 * S;
+    const std::set<int>& moved = links.moved[static_cast<std::size_t>(unknown)];
     const int slot =
         q < 3 * S ? slotOf(kinds[q / S], q % S) : slotOf(Source::kInput, state_input[q - 3 * S]);
     if (q % S == 0 && q <= 3 * S) first = static_cast<int>(taken.size());
     group_of.values.push_back(-1);
-    if (read.count(slot) == 0 || (q < S && READS_ACCELERATIONS == 0)) continue;
-    int group = first;
+    if (links.read.count(slot) == 0 || (q < S && READS_ACCELERATIONS == 0)) continue;
     const auto overlaps = [&](const std::set<int>& other) {
       return std::any_of(moved.begin(), moved.end(), [&](int it) { return other.count(it) != 0; });
     };
-    while (group < static_cast<int>(taken.size()) &&
-           overlaps(taken[static_cast<std::size_t>(group)]))
-      ++group;
-    if (group == static_cast<int>(taken.size())) taken.emplace_back();
-    taken[static_cast<std::size_t>(group)].insert(moved.begin(), moved.end());
-    group_of.values.back() = group;
+    const auto group = std::find_if_not(taken.begin() + first, taken.end(), overlaps);
+    group_of.values.back() = static_cast<int>(group - taken.begin());
+    if (group == taken.end())
+      taken.push_back(moved);
+    else
+      group->insert(moved.begin(), moved.end());
   }
   GROUPS = static_cast<int>(taken.size());
 }

@@ -208,7 +208,7 @@ VS_FUNCTION scene_status vs_pass(scene_model* m, vs_event* at, double* theta, do
     vs_meet_lost(vs_series(m), &m->series[1 - m->present], at, *theta);
     is_crossed = 1;
   }
-  m->event = *is_smooth ? *theta : at->theta;
+  m->event = at->guard >= 0 ? at->theta : *theta;
   return status;
 }
 
