@@ -25,9 +25,9 @@ using Net = boost::adjacency_list<boost::setS, boost::vecS, boost::undirectedS,
 /// True where J_ij of two shafts may not be 0.
 bool MotionProgram::areCoupled(const Scene& scene, int i, int j) const {
   if (i == j) return true;
-  return IS_GENERAL != 0
-             ? !scene.graph->isConstant(formulas_.pair[static_cast<std::size_t>(S * i + j)], 0.0)
-             : scene.inertia(i, j) != 0.0;
+  if (IS_GENERAL == 0) return scene.inertia(i, j) != 0.0;
+  const int n = S * i + j;
+  return !scene.graph->isConstant(formulas_.pair[static_cast<std::size_t>(n)], 0.0);
 }
 
 /// Lists the blocks of unknowns that constraints or inertia join, and the places of their matrices.
@@ -97,7 +97,8 @@ void MotionProgram::linkFormulas(const Scene& scene, const std::vector<Node>& no
 
 MotionProgram::Links MotionProgram::findLinks(const Scene& scene) const {
   Links links;
-  links.moved.resize(static_cast<std::size_t>(SIZE + STATES));
+  const int unknowns = SIZE + STATES;
+  links.moved.resize(static_cast<std::size_t>(unknowns));
   const auto link = [&links](int unknown, int residual) {
     links.moved[static_cast<std::size_t>(unknown)].insert(residual);
   };

@@ -14,7 +14,8 @@ double toMicroseconds(std::int64_t nanoseconds) {
 
 }  // namespace
 
-Diagnostics::Diagnostics(ros::NodeHandle public_handle, const ros::NodeHandle& private_handle,
+Diagnostics::Diagnostics(const ros::NodeHandle& public_handle,
+                         const ros::NodeHandle& private_handle,
                          std::vector<std::string> constraints)
     : constraints_(std::move(constraints)),
       updater_(public_handle, private_handle, private_handle.getNamespace()) {

@@ -15,7 +15,7 @@ namespace variator_sim {
 class Diagnostics {
  public:
   /// `constraints`: their names, for the residuals.
-  Diagnostics(ros::NodeHandle public_handle, const ros::NodeHandle& private_handle,
+  Diagnostics(const ros::NodeHandle& public_handle, const ros::NodeHandle& private_handle,
               std::vector<std::string> constraints);
 
   /// Judges the events since the last call, and publishes the result. The caller calls it once a
