@@ -46,7 +46,7 @@ class Node {
     EXPECT_TRUE(waitFor([this] {
       return !statuses_.empty() && !scenes_.empty() && state_.getNumPublishers() > 0;
     }));
-    // Of a node whose time stands we have the state.
+    // A node whose time stands tells its state to whoever comes.
     EXPECT_TRUE(waitFor(
         [this] { return statuses_.back().state != SimulationStatus::PAUSED || !states_.empty(); }));
   }

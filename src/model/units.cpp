@@ -8,6 +8,9 @@
 #include <utility>
 #include <vector>
 
+#include "variator_sim/errors.h"
+#include "variator_sim/message_text.h"
+
 namespace variator_sim {
 namespace {
 

@@ -223,7 +223,7 @@ std::string StopSearch::findBranch(Element* owner) {
   double slope[3 * kMaxShafts];
   calcSlope(slope);
   const double reach = std::pow(10.0, kReach) * leastDistance();
-  // Of a motion that runs away in a finite time the state so far ahead is none of its own.
+  // A motion that runs away in a finite time never has the state so far ahead.
   if (motion_.status.measure * reach > 1.0) return "";
   std::vector<int> signs[3];
   for (int side = -1; side <= 1; ++side) {

@@ -1,4 +1,4 @@
-/// Where the numbers of a sample lie, for the class Sample of variator_sim/simulation.py.
+/// The places of a sample's numbers, for the class Sample of variator_sim/simulation.py.
 #pragma once
 
 #include <pybind11/numpy.h>

@@ -22,7 +22,7 @@ class Simulation;
 /// Numbered as in SimulationStatus.msg.
 enum class RunState : std::uint8_t { kRunning, kPaused, kSleeping, kStopped };
 
-/// What is published of a motion: the groups of quantities, by their values, and these.
+/// The topics of a motion: groups of quantities, by their values, and these.
 enum Topic : std::size_t { kEnergy = kQuantityGroups.size(), kEvents, kStates, kJoints, kClock };
 /// A set of them.
 using Topics = std::bitset<kClock + 1>;

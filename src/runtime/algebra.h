@@ -130,7 +130,7 @@ VS_FUNCTION_INLINE int vs_invert(Real* M, int n, int first, int end, int pivots,
     if (pivots == VS_RANKED) {
       const double part = fabs(pivot / size[p - first]);
       if (!(fabs(pivot) > 1e-12 * fabs(size[p - first]))) return 0;
-      /* (Of a row that others imply rounding over their own distance is left.) */
+      /* (A row that others imply leaves rounding over their own distance.) */
       if (HOLDS && !(part * *distance > 1e-14)) return 0;
       *distance = seriesSmaller(*distance, part);
     }

@@ -167,6 +167,14 @@ VS_FUNCTION void vs_extend(scene_series* it) {
 }
 #endif
 
+/* Coefficients 1 of all formulas along a path whose own coefficients 1 are in the rows. */
+VS_FUNCTION void vs_extend_path(scene_series* it) {
+  it->is_path = 1;
+  it->order = 0;
+  vs_extend(it);
+  it->is_path = 0;
+}
+
 /* True if no formula does along a path of theta units, whose time and state are in the rows up to
  * `last`, what its series there does not show. at: see vs_is_resolved_in_ranges. */
 VS_FUNCTION_RARE int vs_is_path_resolved(scene_series* it, int last, double theta,

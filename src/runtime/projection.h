@@ -203,10 +203,7 @@ VS_FUNCTION_RARE void vs_turn_with_inputs(const scene_model* m, scene_series* it
   for (k = 0; k < INPUT_ROW_COUNT; ++k)
     it->row[input_row[k]][1] = input_rate_of_row[k] == 0 ? du[input_of_row[k]] : vs_zero;
   it->row[TIME][1] = 0.0;
-  it->is_path = 1;
-  it->order = 0;
-  vs_extend(it);
-  it->is_path = 0;
+  vs_extend_path(it);
   for (p = 0; p < K; ++p) {
     for (i = 0; i < S; ++i) x[i] += it->row[direction_row[S * p + i]][1] * m->now.multiplier[p];
   }

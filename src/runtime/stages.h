@@ -235,16 +235,6 @@ VS_FUNCTION_RARE void vs_note_slopes(const scene_series* w, const scene_state* f
   }
 }
 
-/* The derivatives of all formulas by one row of the time and the state. */
-VS_FUNCTION_INLINE void vs_extend_along(scene_series* w, int along) {
-  w->row[along][1] = 1.0;
-  w->is_path = 1;
-  w->order = 0;
-  vs_extend(w);
-  w->is_path = 0;
-  w->row[along][1] = 0.0;
-}
-
 /* The derivatives of the residuals by the state that was entered in w, along each of epsilon,
  * omega, phi and z: along a group of directions at once. Slopes that are not finite, as that of a
  * root at 0, become 0: Newton's iteration converges by itself in a step that is short enough. */
@@ -260,16 +250,13 @@ VS_FUNCTION_RARE void vs_find_slopes(scene_series* w, const scene_state* from,
       if (linked[l] < S) of->pull_slope[S * q + linked[l]] = 0.0;
     }
   }
-  w->is_path = 1;
   for (g = 0; g < GROUPS; ++g) {
     for (q = 0; q < DIRECTIONS; ++q) w->row[vs_row_along(q)][1] = group_of[q] == g;
-    w->order = 0;
-    vs_extend(w);
+    vs_extend_path(w);
     for (q = 0; q < DIRECTIONS; ++q) {
       if (group_of[q] == g) vs_note_slopes(w, from, of, q);
     }
   }
-  w->is_path = 0;
   for (q = 0; q < DIRECTIONS; ++q) w->row[vs_row_along(q)][1] = 0.0;
   for (q = 0; q < DIRECTIONS; ++q) {
     for (l = link_begin[vs_unknown_along(q)]; l < link_begin[vs_unknown_along(q) + 1]; ++l) {
@@ -387,7 +374,9 @@ VS_FUNCTION_RARE void vs_find_noise(const scene_series* it, scene_series* w, con
   for (i = 0; i < S; ++i) own[i] = 4.0 * DBL_EPSILON * changed[i] / vs_inertia(it, i, i);
   is_rounded = vs_is_rounded(it, own);
   if (is_rounded) {
-    vs_extend_along(w, TIME);
+    w->row[TIME][1] = 1.0;
+    vs_extend_path(w);
+    w->row[TIME][1] = 0.0;
     for (i = 0; i < S; ++i)
       own[i] += 2.0 * DBL_EPSILON * fabs(it->row[TIME][0] * w->row[torque_row[i]][1]) /
                 vs_inertia(it, i, i);
