@@ -423,6 +423,15 @@ class ModesTest(FolderTestCase):
         self.assertEqual(others, rows[-len(others):])
         self.assertEqual(later, [line for line in events if float(line[0]) > 0.8])
 
+    def test_a_state_saved_where_a_clutch_lets_go_goes_on(self):
+        """There its slip, which a formula bends at, is 0: a step ends where rounding tells that it has left 0."""
+        scene = (FOLDER / "test/modes/saved_at_an_event.yaml").read_text()
+        (_, rows), events = self.simulate(scene, 0.5, 2)
+        self.assertEqual([event[2:4] for event in events], [["backward", "stuck"], ["stuck", "forward"]])
+        (_, others), _ = self.simulate(scene, 0.5, 2, "--save-state", self.folder / "state.yaml", "--save-at", events[1][0])
+        for value, other in zip(rows[-1], others[-1]):
+            self.assertAlmostEqual(float(value), float(other), delta=1e-7)
+
     def test_states_follow_what_elements_hold_with(self):
         """By simulate and by the emitted program: torques, modes and reactions in rates and events."""
         scene = scene_text("a 1, b 2, c 1", [

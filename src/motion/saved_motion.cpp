@@ -22,6 +22,8 @@ bool Motion::peekState(MotionState* state) {
 bool Motion::saveState(MotionState* state) {
   settle();
   if (!status.ok() || !cut()) return false;
+  // (The end of a step over an event stands for the event, some 1e-9 s before it.)
+  time = std::max(time, program.front());
   const int S = scene.shaftCount();
   const Exchange& it = program.it;
   program.leave();
