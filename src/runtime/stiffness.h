@@ -42,10 +42,9 @@ VS_FUNCTION_RARE double vs_exponential_rate(const Real* c, int last) {
  * size, and allows about |lambda h|^N / N! = 1. So does a singularity of size delta at a distance
  * R, which allows |h| < R. Of a motion that swings or turns so fast delta is far above the
  * tolerance. */
-VS_FUNCTION_RARE double vs_stiffness_of(const scene_series* it, const Real* c, int last,
-                                        double theta) {
+VS_FUNCTION_RARE double vs_stiffness_of(const Real* c, int last, double tolerance, double theta) {
   const double e = 2.718281828459045;
-  const double faint = 100.0 * vs_tolerance(it, c[0]); /* the largest that has died away */
+  const double faint = 100.0 * tolerance; /* the largest that has died away */
   const int early = last / 4 > 2 ? last / 4 : 2;
   double most = 2.0 * faint, rate, here, before = 0.0, delta;
   int k;
@@ -69,7 +68,7 @@ VS_FUNCTION_RARE double vs_stiffness_of(const scene_series* it, const Real* c, i
 }
 
 /* The same of the motion whose series limited a step of theta units. */
-VS_FUNCTION_RARE double vs_stiffness(const scene_series* it, double theta) {
+VS_FUNCTION_RARE double vs_stiffness(const scene_model* m, const scene_series* it, double theta) {
   const double limiting = 0.05; /* part of the largest last terms that limits steps, too */
   double size[3 * MOST_SHAFTS + MOST_INPUTS], largest = 0.0, stiffest = 0.0;
   int i;
@@ -83,9 +82,14 @@ VS_FUNCTION_RARE double vs_stiffness(const scene_series* it, double theta) {
   for (i = FIRST_JUDGED; i < COMPONENTS + STATES; ++i) {
     const int is_memory = i >= COMPONENTS;
     const Real* const c = it->row[is_memory ? STATE + i - COMPONENTS : ANGLE + i];
+    const int last = is_memory ? it->order + 1 : vs_last(it);
+    /* (What the rounding of accelerations stirs up never dies away, and shortens steps by this.) */
+    const double noise = i >= 2 * S && !is_memory ? m->noise[i - 2 * S] : 0.0;
+    const double tolerance = vs_tolerance(it, c[0]);
+    const double shorter = noise > 0.0 ? pow(1.0 + noise / tolerance, 1.0 / last) : 1.0;
     if (size[i] >= limiting * largest)
-      stiffest = seriesLarger(
-          stiffest, vs_stiffness_of(it, c, is_memory ? it->order + 1 : vs_last(it), theta));
+      stiffest = seriesLarger(stiffest,
+                              shorter * vs_stiffness_of(c, last, tolerance + noise, theta));
   }
   return stiffest;
 }
@@ -106,7 +110,7 @@ VS_FUNCTION_RARE void vs_suspect(scene_model* m, const scene_series* it, double 
   enum { VS_SUSPICIONS = 3, VS_QUIET = 5 };
   scene_choice* const choice = &m->choice;
   if (h < m->usual * (1.0 - 1e-9)) return; /* it was cut */
-  if (!(vs_stiffness(it, h / it->unit) > 0.7)) {
+  if (!(vs_stiffness(m, it, h / it->unit) > 0.7)) {
     if (++choice->quiet >= VS_QUIET) choice->suspicions = 0;
     return;
   }
