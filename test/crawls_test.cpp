@@ -295,6 +295,51 @@ TEST(Crawls, ClutchesThatHoldNothingAtRest) {
   }
 }
 
+// Rounding of speeds of 500 rad/s moves the torque of what slips by 1e-7 rad/s: what it stirs up in
+// each step by series is no motion that these have to follow.
+TEST(Crawls, AContactStirredUpByRounding) {
+  const Played played = run(test::sceneFromText(R"(
+shafts: [a, b]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+torques: [load, contact]
+load: {type: variator_sim/ExpressionTorque, shaft: a, torque: "399.6"}
+contact: {type: variator_sim/ExpressionTorque, shaft: a, torque: '-400*tanh((w1-w2)/1e-7)', reaction_on: b}
+initial: {velocity: [500, 500]}
+solver: {relative_tolerance: 1e-9, absolute_tolerance: 1e-9}
+)"),
+                            StepperKind::kAuto, 3.0);
+  EXPECT_TRUE(played.status.ok()) << played.text;
+  EXPECT_NEAR(played.sample.velocity[1], 500.0 + 399.6, 1e-5);
+}
+
+// Rounding of angles of 300 rad makes torques of 5e-7 N m, far more than the tolerance of the
+// accelerations: no step, however short, has less.
+TEST(Crawls, StepsByRadauWithinTheRoundingOfAngles) {
+  const Scene scene = test::sceneFromText(R"(
+shafts: [a, b, c, d]
+a: {inertia: 1.0}
+b: {inertia: 2.0}
+c: {inertia: 3.0}
+d: {inertia: 1.0}
+torques: [drive, ab, cd, drag]
+drive: {type: variator_sim/ExpressionTorque, shaft: a, torque: '50*sin(2*t)'}
+ab: {type: variator_sim/ElasticCoupling, shafts: [a, b], stiffness: 2.0e+6, damping: 2.0e+4}
+cd: {type: variator_sim/ElasticCoupling, shafts: [c, d], stiffness: 2.0e+6, damping: 2.0e+4}
+drag: {type: variator_sim/Friction, shaft: d, viscous: 0.3}
+constraints: [variator]
+variator: {type: variator_sim/KinematicRatio, shafts: [b, c], ratio: '1 + 0.3*sin(t + 1)'}
+initial: {angle: [300, 300, 300, 300]}
+solver: {relative_tolerance: 1e-10, absolute_tolerance: 1e-10}
+)");
+  const Played chosen = run(scene, StepperKind::kAuto, 3.0);
+  const Played played = run(scene, StepperKind::kRadau, 3.0);
+  EXPECT_TRUE(played.status.ok()) << played.text;
+  // (R keeps what rounding adds to it in each step.)
+  for (int i = 0; i < 4; ++i)
+    EXPECT_NEAR(played.sample.velocity[i], chosen.sample.velocity[i], 1e-5);
+}
+
 // Steady running at a tolerance that rounding does not leave: where it refuses nearly all steps the
 // motion goes on by other means.
 TEST(Crawls, StepsThatRoundingRefuses) {

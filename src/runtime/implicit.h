@@ -145,8 +145,9 @@ VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* 
       x[i] = seriesSmaller(
           fabs(between * vs_coefficient(of, of->method->stages - 1, it->row[ACCELERATION + i])),
           vs_last_term(of, it->row[ACCELERATION + i]));
+    /* (No shorter step has less than what rounding makes.) */
     norm = seriesLarger(
-        norm, fabs(x[i]) / (vs_tolerance(it, it->row[ACCELERATION + i][0]) + of->noise[i]));
+        norm, (fabs(x[i]) - of->noise[i]) / vs_tolerance(it, it->row[ACCELERATION + i][0]));
     rest += 0.0 * x[i];
   }
   for (i = 0; i < STATES; ++i) {

@@ -359,17 +359,17 @@ VS_FUNCTION_RARE int vs_is_rounded(const scene_series* it, const double* noise) 
   return 0;
 }
 
-/* Finds the part of each acceleration that rounding of the velocities makes, by the torques and by
- * psi, which moves the accelerations along J^-1 C'. Where the torques' is much, so does what they
+/* Finds the part of each acceleration that rounding of the state makes, by the torques and by psi, which moves the accelerations along J^-1 C'. Where the torques' is much, so does what they
  * move psi by, and rounding of the time inside formulas counts, too. */
 VS_FUNCTION_RARE void vs_find_noise(const scene_series* it, scene_series* w, const vs_stages* of) {
-  double changed[MOST_SIZE + MOST_INPUTS] = {0.0}; /* residuals, by all velocities as a whole */
+  double changed[MOST_SIZE + MOST_INPUTS] = {0.0}; /* residuals, by the state as a whole */
   double own[MOST_SHAFTS];
   int e, i, l, p, q, is_rounded;
   for (q = 0; q < S; ++q) {
     for (l = link_begin[q]; l < link_begin[q + 1]; ++l)
       changed[linked[l]] +=
-          fabs(of->slope[UNKNOWNS * (S + q) + linked[l]] * it->row[VELOCITY + q][0]);
+          fabs(of->slope[UNKNOWNS * (S + q) + linked[l]] * it->row[VELOCITY + q][0]) +
+          fabs(of->slope[UNKNOWNS * (2 * S + q) + linked[l]] * it->row[ANGLE + q][0]);
   }
   for (i = 0; i < S; ++i) own[i] = 4.0 * DBL_EPSILON * changed[i] / vs_inertia(it, i, i);
   is_rounded = vs_is_rounded(it, own);
