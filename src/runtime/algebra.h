@@ -19,8 +19,9 @@ VS_FUNCTION int vs_plain_mode(int h, int mode) {
 }
 
 VS_FUNCTION double vs_tolerance(const scene_series* it, double size) {
+  const double least = 1e-100; /* Of a value that passes 0 none would be left without it. */
   (void)it;
-  return ABSOLUTE_TOLERANCE + RELATIVE_TOLERANCE * fabs(size);
+  return ABSOLUTE_TOLERANCE + least + RELATIVE_TOLERANCE * fabs(size);
 }
 
 VS_FUNCTION void vs_set_constants(scene_model* m) {
