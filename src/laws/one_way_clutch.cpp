@@ -15,8 +15,10 @@ void OneWayClutch::build(LawContext& scene) {
   const Expression capacity = scene.quantity("capacity", Range::notNegative("N m"), 0.0);
   freewheel.slip = readSlip(scene);
   freewheel.side = scene.side();
-  freewheel.torque = capacity * freewheel.side;
-  freewheel.upper = scene.quantity("static", Range::atLeast(1.0, "1"), 1.0) * capacity;
+  // (A formula below 0 would drive.)
+  const Expression drag = capacity.isConstant() ? capacity : max(capacity, 0.0);
+  freewheel.torque = drag * freewheel.side;
+  freewheel.upper = scene.quantity("static", Range::atLeast(1.0, "1"), 1.0) * drag;
   freewheel.slides_backward = false;
   freewheel.begins = readBegin(scene);
   scene.hold(freewheel);
