@@ -68,14 +68,24 @@ VS_FUNCTION_RARE double vs_torque_noise(const scene_series* it, int h, int n) {
  * f_n = unit/n C J^-1 C' T_{n-1}, and as much again: a torque that lets go, by more than rounding
  * or not, leaves a slip that does not turn back. */
 VS_FUNCTION_RARE double vs_slip_noise(const scene_series* it, int h, int n) {
-  double size = 0.0, mobility = 0.0;
+  const double most_rate = 8.0; /* 1/unit */
+  double size = 0.0, mobility = 0.0, died = 0.0;
   int i;
   for (i = 0; i < S; ++i) {
     const double C = fabs(vs_entry(it, CONSTRAINTS + h, i));
     size += C * fabs(it->row[VELOCITY + i][0]);
     mobility += C * C / vs_inertia(it, i, i);
   }
-  if (n > 0) return 2.0 * it->unit / n * mobility * vs_torque_noise(it, h, n - 1);
+  if (n > 1) { /* (One that rounding leaves dies away by the rates that constraints have.) */
+    const Real* const f = it->row[slip_row[h]];
+    double rate;
+    for (i = 0; i < n - 2 && f[i] == 0.0; ++i) continue;
+    rate = fabs(f[i + 1] / f[i]);
+    if (rate <= most_rate) died = fabs(f[i + 1]);
+    for (i += 2; i <= n && died > 0.0; ++i) died *= rate;
+  }
+  if (n > 0)
+    return seriesLarger(died, 2.0 * it->unit / n * mobility * vs_torque_noise(it, h, n - 1));
   return seriesLarger((1.0 + it->slack) * 1e-3 * ABSOLUTE_TOLERANCE, vs_noise(it) * size);
 }
 
