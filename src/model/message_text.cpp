@@ -1,5 +1,8 @@
 #include "variator_sim/message_text.h"
 
+#include <boost/algorithm/string/join.hpp>
+#include <boost/algorithm/string/split.hpp>
+#include <boost/locale/utf.hpp>
 #include <cctype>
 
 #include "expression/characters.h"
@@ -8,32 +11,22 @@
 namespace variator_sim {
 namespace {
 
-unsigned byteAt(const std::string& text, std::size_t i) {
-  return i < text.size() ? static_cast<unsigned char>(text[i]) : 0U;
-}
-
 /// Returns the number of bytes of the character at `i`; 0 unless one begins there that can be
 /// shown: no control character (also above 0x7f: some terminals obey 0x9b), and valid UTF-8.
 std::size_t lengthOfCharacter(const std::string& text, std::size_t i) {
-  const unsigned first = byteAt(text, i);
-  if (first < 0x80U) return first >= 0x20U && first != 0x7fU ? 1 : 0;
-  if (first < 0xc2U || first > 0xf4U) return 0;
-  const std::size_t length = first < 0xe0U ? 2 : first < 0xf0U ? 3 : 4;
-  for (std::size_t k = 1; k < length; ++k) {
-    if ((byteAt(text, i + k) & 0xc0U) != 0x80U) return 0;
-  }
-  const unsigned second = byteAt(text, i + 1);
-  const bool is_control = first == 0xc2U && second < 0xa0U;
-  const bool is_overlong = (first == 0xe0U && second < 0xa0U) || (first == 0xf0U && second < 0x90U);
-  const bool is_none = (first == 0xedU && second > 0x9fU) || (first == 0xf4U && second > 0x8fU);
-  return is_control || is_overlong || is_none ? 0 : length;
+  namespace utf = boost::locale::utf;
+  const auto begin = text.begin() + static_cast<std::ptrdiff_t>(i);
+  auto next = begin;
+  const utf::code_point it = utf::utf_traits<char>::decode(next, text.end());
+  const bool is_control = it < 0x20U || (it > 0x7eU && it < 0xa0U);
+  return utf::is_valid_codepoint(it) && !is_control ? static_cast<std::size_t>(next - begin) : 0;
 }
 
-std::string escapeOf(unsigned byte) {
+std::string escapeOf(char byte) {
   if (byte == '\n') return "\\n";
   if (byte == '\t') return "\\t";
   if (byte == '\r') return "\\r";
-  return printed("\\x%02x", byte);
+  return printed("\\x%02x", static_cast<unsigned>(static_cast<unsigned char>(byte)));
 }
 
 constexpr const char* kCut = "...";
@@ -48,7 +41,7 @@ std::string shown(const std::string& text, std::size_t most, bool keeps_lines) {
     } else if (keeps_lines && text[i] == '\n') {
       result += '\n';
     } else {
-      result += escapeOf(byteAt(text, i));
+      result += escapeOf(text[i]);
     }
     i += std::max<std::size_t>(length, 1);
     if (result.size() > most) return result.substr(0, whole) + kCut;
@@ -115,8 +108,9 @@ std::string shownPath(const std::string& path) {
   constexpr std::size_t kLongestPath = 240;
   constexpr std::size_t kEnd = 100;
   if (path.size() <= kLongestPath) return escaped(path, 4 * kLongestPath);
+  using utf8 = boost::locale::utf::utf_traits<char>;
   std::size_t end = path.size() - kEnd;
-  while (end < path.size() && (byteAt(path, end) & 0xc0U) == 0x80U) ++end;
+  while (end < path.size() && utf8::is_trail(path[end])) ++end;
   return escaped(path, kLongestPath - kEnd) + escaped(path.substr(end), 4 * kEnd);
 }
 
@@ -136,20 +130,12 @@ std::string joinNames(const std::vector<std::string>& names) {
 }
 
 std::string join(const std::vector<std::string>& words, const std::string& separator) {
-  std::string text;
-  for (const std::string& word : words) text += (&word == &words.front() ? "" : separator) + word;
-  return text;
+  return boost::algorithm::join(words, separator);
 }
 
 std::vector<std::string> splitAt(const std::string& text, char separator) {
-  std::vector<std::string> parts(1);
-  for (const char c : text) {
-    if (c == separator) {
-      parts.emplace_back();
-    } else {
-      parts.back() += c;
-    }
-  }
+  std::vector<std::string> parts;
+  boost::algorithm::split(parts, text, [separator](char c) { return c == separator; });
   return parts;
 }
 

@@ -3,9 +3,8 @@
 
 #include <cxxabi.h>
 
-#include <cstdlib>
+#include <boost/core/demangle.hpp>
 #include <exception>
-#include <memory>
 #include <string>
 #include <typeinfo>
 
@@ -23,9 +22,7 @@ inline std::string describeThrown() {
   } catch (...) {
     const std::type_info* const type = abi::__cxa_current_exception_type();
     if (type == nullptr) return "an exception of an unknown type";
-    const std::unique_ptr<char, void (*)(void*)> name(
-        abi::__cxa_demangle(type->name(), nullptr, nullptr, nullptr), std::free);
-    return std::string("an exception of type ") + (name ? name.get() : type->name()) +
+    return "an exception of type " + boost::core::demangle(type->name()) +
            ", which is no std::exception";
   }
 }
