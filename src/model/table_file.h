@@ -38,14 +38,11 @@ class TableFile {
   SceneError fault(std::size_t column, std::size_t row, const std::string& message) const;
 
  private:
-  struct Line {
-    std::size_t begin;
-    std::size_t number;  ///< from 1
-  };
-  void readHeader(const Line& line);
-  void readRow(const Line& line);
-  std::vector<CsvField> split(const Line& line) const;
-  SceneError error(const Line& line, std::size_t position, const std::string& message) const;
+  // (Lines are given by the places where they begin.)
+  void readHeader(std::size_t line);
+  void readRow(std::size_t line);
+  std::vector<CsvField> split(std::size_t line) const;
+  SceneError error(std::size_t position, const std::string& message) const;
 
   std::string file_;  ///< its name in messages
   std::string path_;
@@ -54,7 +51,7 @@ class TableFile {
   char separator_ = ',';
   std::vector<std::string> header_;
   std::vector<std::size_t> places_;  ///< of the wanted columns in a line
-  std::vector<Line> lines_;          ///< of the rows
+  std::vector<std::size_t> lines_;   ///< of the rows
   std::vector<std::vector<double>> numbers_;
 };
 
