@@ -5,7 +5,7 @@
 #include "support/played.h"
 #include "support/scenes.h"
 #include "variator_sim/errors.h"
-#include "variator_sim/io/yaml_text.h"
+#include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/trim.h"
 
 namespace variator_sim {

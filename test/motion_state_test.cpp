@@ -2,7 +2,7 @@
 #include "variator_sim/motion_state.h"
 
 #include "support/scenes.h"
-#include "variator_sim/io/yaml_text.h"
+#include "variator_sim/io/yaml_tree.h"
 
 namespace variator_sim {
 namespace {

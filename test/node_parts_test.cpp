@@ -10,7 +10,7 @@
 #include "support/faults.h"
 #include "support/scenes.h"
 #include "variator_sim/constraint.h"
-#include "variator_sim/io/yaml_text.h"
+#include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/torque.h"
 
 namespace variator_sim {

@@ -1,9 +1,9 @@
-#include "variator_sim/io/yaml_text.h"
-
 #include <yaml-cpp/emitter.h>
 #include <yaml-cpp/emittermanip.h>
 
 #include <set>
+
+#include "variator_sim/io/yaml_tree.h"
 
 namespace variator_sim {
 namespace {

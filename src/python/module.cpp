@@ -16,7 +16,7 @@
 #include "model/table_file.h"
 #include "python/python_simulation.h"
 #include "variator_sim/io/command_file.h"
-#include "variator_sim/io/yaml_text.h"
+#include "variator_sim/io/yaml_tree.h"
 
 namespace variator_sim::python {
 namespace {

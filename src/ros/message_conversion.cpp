@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "ros/nanoseconds.h"
-#include "variator_sim/io/yaml_text.h"
+#include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {

@@ -13,7 +13,6 @@
 #include "ros/message_conversion.h"
 #include "ros/nanoseconds.h"
 #include "ros/stepping_loop.h"
-#include "variator_sim/io/yaml_text.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/overrides.h"
 

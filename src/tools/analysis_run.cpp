@@ -11,7 +11,6 @@
 #include "tools/analysis_text.h"
 #include "tools/sample_writer.h"
 #include "variator_sim/interruption.h"
-#include "variator_sim/io/yaml_text.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/trim.h"
 

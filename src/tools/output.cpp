@@ -16,7 +16,6 @@
 
 #include "io/whole_file.h"
 #include "variator_sim/interruption.h"
-#include "variator_sim/io/yaml_text.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/message_text.h"
 #include "variator_sim/simulation.h"

@@ -30,4 +30,8 @@ ParameterTree readYamlText(const std::string& text, const std::string& source_na
 /// Reads `text`, whose root may be anything: a number, a text, a list, nothing.
 ParameterTree readYamlValue(const std::string& text, const std::string& source_name);
 
+/// Returns the whole tree, uncut, in block style. Read again (YAML 1.1 or 1.2) it gives the same
+/// tree: reals keep every bit and stay reals, texts stay texts.
+std::string toYaml(const ParameterTree& tree);
+
 }  // namespace variator_sim
