@@ -79,6 +79,10 @@ class ParameterTree {
   Value value_;
 };
 
+/// Throws SceneError at `path`, "expected WHAT, got a text: abc", unless `value` is of this kind.
+void requireKind(ParameterTree::Kind kind, const ParameterTree& value, const std::string& path,
+                 const std::string& what);
+
 /// Returns the path of an entry of a dictionary, "dictionary/key"; of the root "key".
 std::string entryPath(const std::string& dictionary, const std::string& key);
 /// Returns the path of an element of a list, "list[index]".
@@ -90,6 +94,10 @@ std::string formatNumber(double value);
 std::string formatReal(double value);
 /// Returns "[1, 2.5]".
 std::string formatNumbers(const double* values, int count);
+
+/// The words of scenes for values.
+template <class Value>
+using Choices = std::vector<std::pair<const char*, Value>>;
 
 /// Allowed range of a number, and its unit.
 struct Range {
@@ -155,6 +163,15 @@ class ParameterReader {
   /// Reads a text out of `allowed`.
   std::string choice(const std::string& key, const std::vector<std::string>& allowed,
                      const std::optional<std::string>& default_value = {});
+  /// Reads a word, of which each stands for a value.
+  template <class Value>
+  Value choice(const std::string& key, const Choices<Value>& words,
+               const std::optional<std::string>& default_value = {}) {
+    std::vector<std::string> allowed;
+    for (const auto& it : words) allowed.emplace_back(it.first);
+    const std::string word = choice(key, allowed, default_value);
+    return words[static_cast<std::size_t>(placeOf(word, allowed, keyPath(key), ""))].second;
+  }
   /// Reads a list of exactly `size` numbers.
   std::vector<double> numbers(const std::string& key, std::size_t size,
                               const Range& range = Range::any());

@@ -27,11 +27,10 @@ inline Expression readSlip(LawContext& scene) {
 
 /// Reads `initial`: `auto`, or `stuck` or `slipping`, which the first state then has to be.
 inline Holding::Begin readBegin(LawContext& scene) {
-  const std::string begin =
-      scene.parameters().choice("initial", {"auto", "stuck", "slipping"}, "auto");
-  return begin == "stuck"      ? Holding::Begin::kStuck
-         : begin == "slipping" ? Holding::Begin::kSlipping
-                               : Holding::Begin::kAuto;
+  using Begin = Holding::Begin;
+  return scene.parameters().choice<Begin>(
+      "initial", {{"auto", Begin::kAuto}, {"stuck", Begin::kStuck}, {"slipping", Begin::kSlipping}},
+      "auto");
 }
 
 }  // namespace variator_sim

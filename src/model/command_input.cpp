@@ -1,7 +1,6 @@
 #include "variator_sim/command_input.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -13,18 +12,18 @@
 namespace variator_sim {
 namespace {
 
-struct HoldName {
-  const char* name;
-  Hold hold;
-  const char* own_key;  ///< the key that only this and few other holds read, or ""
-};
+// As they are enumerated.
+const Choices<Hold> kHolds{{"zero_order", Hold::kZeroOrder},
+                           {"first_order_lag", Hold::kFirstOrderLag},
+                           {"rate_limit", Hold::kRateLimit},
+                           {"first_order_hold", Hold::kFirstOrderHold},
+                           {"second_order_lag", Hold::kSecondOrderLag}};
+/// The key that only each and few other holds read, or "".
+constexpr const char* kOwnKeys[] = {"", "time_constant", "rate", "period", "time_constant"};
 
-constexpr std::array<HoldName, 5> kHolds{
-    {{"zero_order", Hold::kZeroOrder, ""},
-     {"first_order_lag", Hold::kFirstOrderLag, "time_constant"},
-     {"rate_limit", Hold::kRateLimit, "rate"},
-     {"first_order_hold", Hold::kFirstOrderHold, "period"},
-     {"second_order_lag", Hold::kSecondOrderLag, "time_constant"}}};
+std::string ownKeyOf(Hold hold) {
+  return kOwnKeys[static_cast<std::size_t>(hold)];
+}
 
 // NOLINTBEGIN: a text of the runtime
 using scene_signal = CommandSignal::Closed;
@@ -35,15 +34,10 @@ using expression::VS_STRIDE;
 
 /// True for a relative graph name: letters, digits and underscores, joined by single slashes.
 bool isRelativeTopic(const std::string& topic) {
-  using expression::isDigit;
-  const auto is_letter = [](char c) { return c != '_' && expression::isNameStart(c); };
-  if (topic.empty() || !is_letter(topic.front()) || topic.back() == '/') return false;
-  for (std::size_t i = 0; i < topic.size(); ++i) {
-    const char c = topic[i];
-    if (c == '/' && topic[i - 1] == '/') return false;
-    if (!expression::isNameStart(c) && !isDigit(c) && c != '/') return false;
+  for (const std::string& part : splitAt(topic, '/')) {
+    if (part.empty() || part != toIdentifier(part)) return false;
   }
-  return true;
+  return expression::isNameStart(topic.front()) && topic.front() != '_';
 }
 
 std::string readTopic(ParameterReader& reader) {
@@ -58,32 +52,25 @@ std::string readTopic(ParameterReader& reader) {
   return topic;
 }
 
-const HoldName& readHold(ParameterReader& reader) {
-  std::vector<std::string> names;
-  names.reserve(kHolds.size());
-  for (const HoldName& hold : kHolds) names.emplace_back(hold.name);
-  const std::string name = reader.choice("hold", names, kHolds[0].name);
-  const auto chosen = std::find_if(kHolds.begin(), kHolds.end(),
-                                   [&](const HoldName& hold) { return name == hold.name; });
+Hold readHold(ParameterReader& reader) {
+  const Hold hold = reader.choice("hold", kHolds, "zero_order");
   for (const std::string key : {"time_constant", "rate", "period"}) {
-    if (key == chosen->own_key || !reader.has(key)) continue;
+    if (key == ownKeyOf(hold) || !reader.has(key)) continue;
     std::string holds;
-    for (const HoldName& hold : kHolds) {
-      if (hold.own_key != key) continue;
-      holds += (holds.empty() ? "" : " or ") + inQuotes(std::string(hold.name));
+    for (const auto& [name, other] : kHolds) {
+      if (ownKeyOf(other) == key) holds += (holds.empty() ? "" : " or ") + inQuotes(name);
     }
     throw reader.error(key, "belongs to hold " + holds + ", but this input's hold is " +
-                                inQuotes(name) + ": leave it out there, or choose such a hold");
+                                inQuotes(toString(hold)) +
+                                ": leave it out there, or choose such a hold");
   }
-  return *chosen;
+  return hold;
 }
 
 }  // namespace
 
 const char* toString(Hold hold) {
-  const auto it = std::find_if(kHolds.begin(), kHolds.end(),
-                               [hold](const HoldName& name) { return name.hold == hold; });
-  return it == kHolds.end() ? "" : it->name;
+  return kHolds[static_cast<std::size_t>(hold)].first;
 }
 
 int findInput(const std::vector<CommandInputSettings>& inputs, const std::string& topic) {
@@ -130,12 +117,12 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
   settings.name = settings.topic;
   settings.topic_path = reader.keyPath("topic");
 
-  const HoldName& hold = readHold(reader);
-  settings.hold = hold.hold;
-  if (hold.hold != Hold::kZeroOrder) {
+  settings.hold = readHold(reader);
+  if (settings.hold != Hold::kZeroOrder) {
     const std::string of_rate = unit.empty() ? "" : unit + "/s";
     settings.hold_parameter =
-        reader.number(hold.own_key, Range::positive(hold.hold == Hold::kRateLimit ? of_rate : "s"));
+        reader.number(ownKeyOf(settings.hold),
+                      Range::positive(settings.hold == Hold::kRateLimit ? of_rate : "s"));
   }
 
   // Absent limits are infinite; written ones must be finite.
@@ -161,9 +148,8 @@ CommandInputSettings readCommandInput(ParameterReader& reader, const std::string
         formatNumber(settings.initial) + (reader.has("initial") ? "" : " (the default)"), "");
 
   settings.timeout = reader.number("timeout", Range::notNegative("s"), 0.0);
-  settings.on_timeout = reader.choice("on_timeout", {"hold", "zero"}, "hold") == "zero"
-                            ? OnTimeout::kZero
-                            : OnTimeout::kHold;
+  settings.on_timeout = reader.choice<OnTimeout>(
+      "on_timeout", {{"hold", OnTimeout::kHold}, {"zero", OnTimeout::kZero}}, "hold");
   if (settings.on_timeout == OnTimeout::kZero) check("on_timeout", 0.0, "'zero'", ", or hold");
   return settings;
 }

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <system_error>
 
-#include "model/number_text.h"
 #include "variator_sim/units.h"
 
 namespace variator_sim {
@@ -145,24 +144,12 @@ std::string quote(const std::string& text) {
     return static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
   });
   std::string quoted;
-  if (!has_control) {
-    for (const char c : text) quoted += c == '\'' ? std::string("''") : std::string(1, c);
-    return "'" + quoted + "'";
-  }
   for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (c == '\n') {
-      quoted += "\\n";
-    } else if (c == '\t') {
-      quoted += "\\t";
-    } else if (byte < 0x20 || byte == 0x7f) {
-      quoted += printed("\\x%02x", static_cast<unsigned>(byte));
-    } else {
-      if (c == '"' || c == '\\') quoted += '\\';
-      quoted += c;
-    }
+    if (has_control && (c == '"' || c == '\\')) quoted += '\\';
+    if (!has_control && c == '\'') quoted += '\'';
+    quoted += c;
   }
-  return "\"" + quoted + "\"";
+  return has_control ? "\"" + escaped(quoted, 4 * kLongestQuote) + "\"" : "'" + quoted + "'";
 }
 
 /// Appends `tree`, and stops once the text is longer than a message shows.
@@ -213,11 +200,6 @@ std::string describe(const ParameterTree& value) {
   return "got " + value.describeKind() + ": " + value.toText();
 }
 
-void requireKind(ParameterTree::Kind kind, const ParameterTree& value, const std::string& path,
-                 const std::string& what) {
-  if (value.kind() != kind) throw SceneError(path, "expected " + what + ", " + describe(value));
-}
-
 const std::string& requireText(const ParameterTree& value, const std::string& path) {
   requireKind(ParameterTree::Kind::kText, value, path, "a text");
   return value.asText();
@@ -235,6 +217,11 @@ double noteNumber(const std::string& path, double number, const Range& range) {
 
 }  // namespace
 
+void requireKind(ParameterTree::Kind kind, const ParameterTree& value, const std::string& path,
+                 const std::string& what) {
+  if (value.kind() != kind) throw SceneError(path, "expected " + what + ", " + describe(value));
+}
+
 const ParameterTree* ParameterTree::find(const std::string& key) const {
   const auto found = asDictionary().find(key);
   return found == asDictionary().end() ? nullptr : &found->second;
@@ -243,11 +230,7 @@ const ParameterTree* ParameterTree::find(const std::string& key) const {
 std::string ParameterTree::toText() const {
   std::string text;
   append(*this, &text);
-  if (text.size() <= kLongestQuote) return text;
-  // The cut must not split a UTF-8 character.
-  std::size_t length = kLongestQuote - 3;
-  while (length > 0 && (static_cast<unsigned char>(text[length]) & 0xC0U) == 0x80U) --length;
-  return text.substr(0, length) + "...";
+  return escaped(text);
 }
 
 std::string ParameterTree::describeKind() const {

@@ -35,7 +35,9 @@ bool isPathOfNames(const std::string& path) {
 /// Rejects invalid and repeated names, and keys of the scene or of the node.
 void checkNames(const SceneNames& lists, const std::vector<std::string>& node_keys) {
   std::map<std::string, std::string> listed_in;
-  const auto check = [&](const char* list, const std::vector<std::string>& names) {
+  const std::vector<std::string> taken = joined(sceneKeys(), node_keys);
+  for (const auto& [list, its] : kSceneLists) {
+    const std::vector<std::string>& names = lists.*its;
     for (std::size_t i = 0; i < names.size(); ++i) {
       const std::string path = elementPath(list, i);
       const std::string& name = names[i];
@@ -45,7 +47,6 @@ void checkNames(const SceneNames& lists, const std::vector<std::string>& node_ke
                                    "starting with a letter, " +
                                    std::to_string(kLongestName) + " at most");
       }
-      const std::vector<std::string> taken = joined(sceneKeys(), node_keys);
       if (contains(taken, name)) {
         throw SceneError(path, inQuotes(name) + " is a key of the " +
                                    (contains(sceneKeys(), name) ? "scene" : "node") +
@@ -61,8 +62,7 @@ void checkNames(const SceneNames& lists, const std::vector<std::string>& node_ke
                              "constraints, inputs, tables, variables, states, events and outputs");
       }
     }
-  };
-  for (const SceneList& list : kSceneLists) check(list.key, lists.*list.names);
+  }
 }
 
 SceneNames readLists(ParameterReader& root, const std::vector<std::string>& node_keys) {

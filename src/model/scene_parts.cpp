@@ -157,7 +157,7 @@ class Merge {
     for (const SceneList& list : kSceneLists) addNames(list.key);
     root_.erase("parts");
     for (const std::string& part : parts_) root_.erase(part);
-    writeInitial();
+    addInitial();
     return ParameterTree::dictionary(std::move(root_));
   }
 
@@ -186,11 +186,7 @@ class Merge {
     Dictionary content = found->second.asDictionary();
     const auto connect = content.find("connect");
     if (connect != content.end()) {
-      if (connect->second.kind() != Kind::kDictionary) {
-        throw SceneError(name + "/connect", "expected {ITS_SHAFT: SHAFT}, got " +
-                                                connect->second.describeKind() + ": " +
-                                                connect->second.toText());
-      }
+      requireKind(Kind::kDictionary, connect->second, name + "/connect", "{ITS_SHAFT: SHAFT}");
       for (const auto& [its, outer] : connect->second.asDictionary()) {
         part.connected[its] = outer.asText();
       }
@@ -239,7 +235,6 @@ class Merge {
   /// Finds what each shaft of each part is called in this scene.
   void findShafts() {
     std::vector<std::string> all = namesAt(own_, "shafts", "");
-    const std::size_t own = all.size();
     for (const std::string& name : parts_) {
       Part& part = made_[name];
       const std::vector<std::string> its = namesAt(part.scene, "shafts", name);
@@ -265,24 +260,15 @@ class Merge {
         part.shafts[shaft] = outer;
       }
     }
-    shafts_.assign(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(own));
   }
 
   /// Returns the value at `key`, for more to be put into it: an empty one if there is none. Throws
   /// SceneError where it is of another kind.
   ParameterTree& valueAt(const std::string& key, ParameterTree empty) {
     ParameterTree& value = root_[key];
-    const Kind kind = empty.kind();
-    if (value.kind() == Kind::kNothing) value = std::move(empty);
-    requireKind(value, kind, key);
+    if (value.kind() == Kind::kNothing) value = empty;
+    requireKind(empty.kind(), value, key, empty.describeKind());
     return value;
-  }
-
-  static void requireKind(const ParameterTree& value, Kind kind, const std::string& path) {
-    if (value.kind() == kind || value.kind() == Kind::kNothing) return;
-    throw SceneError(path, std::string("expected ") +
-                               (kind == Kind::kList ? "a list" : "a dictionary") + ", got " +
-                               value.describeKind() + ": " + value.toText());
   }
 
   ParameterTree::List& listAt(const std::string& key) {
@@ -308,12 +294,12 @@ class Merge {
     }
     const auto coupling = its.find("inertia_coupling");
     if (coupling != its.end()) {
-      requireKind(coupling->second, Kind::kList, name + "/inertia_coupling");
+      if (coupling->second.kind() != Kind::kNothing)
+        requireKind(Kind::kList, coupling->second, name + "/inertia_coupling", "a list");
       const ParameterTree made = renaming.apply("", coupling->second);
       ParameterTree::List& all = listAt("inertia_coupling");
       all.insert(all.end(), made.asList().begin(), made.asList().end());
     }
-    noteInitial(name, part);
   }
 
   /// The scene's own shafts come first; its other elements may read those of its parts.
@@ -337,44 +323,40 @@ class Merge {
     return made;
   }
 
-  /// Values at the start of a part's own shafts; those of connected ones are the scene's.
-  void noteInitial(const std::string& name, const Part& part) {
-    const std::vector<std::string> its = namesAt(part.scene, "shafts", name);
-    const ParameterTree* const initial = part.scene.find("initial");
-    if (initial != nullptr) requireKind(*initial, Kind::kDictionary, name + "/initial");
-    for (const char* key : {"angle", "velocity", "acceleration"}) {
-      const ParameterTree* const values = initial == nullptr ? nullptr : initial->find(key);
-      if (values != nullptr && values->asList().size() != its.size()) {
-        throw SceneError(name + "/initial/" + key, "expected a list of " +
-                                                       std::to_string(its.size()) +
-                                                       " numbers, got " + values->toText());
-      }
-      for (std::size_t i = 0; i < its.size(); ++i) {
-        if (part.connected.count(its[i]) > 0) continue;
-        initial_[key].push_back(values == nullptr ? ParameterTree::real(0.0) : values->asList()[i]);
-        if (values != nullptr) states_.insert(key);
-      }
-    }
-  }
-
-  void writeInitial() {
+  /// Puts the values at the start of the parts' own shafts behind those of the scene's, which
+  /// connected ones are.
+  void addInitial() {
     Dictionary& own = valueAt("initial", ParameterTree::dictionary()).asDictionary();
-    for (const auto& [key, more] : initial_) {
+    for (const char* key : {"angle", "velocity", "acceleration"}) {
+      ParameterTree::List all;
+      bool is_given = false;
+      const auto add = [&](const std::string& path, const ParameterTree* values,
+                           const std::vector<std::string>& shafts, const Renamed& connected,
+                           const std::string& of) {
+        if (values != nullptr && values->asList().size() != shafts.size()) {
+          throw SceneError(path + key, "expected a list of " + std::to_string(shafts.size()) +
+                                           " numbers" + of + ", got " + values->toText());
+        }
+        is_given = is_given || values != nullptr;
+        for (std::size_t i = 0; i < shafts.size(); ++i) {
+          if (connected.count(shafts[i]) > 0) continue;
+          all.push_back(values == nullptr ? ParameterTree::real(0.0) : values->asList()[i]);
+        }
+      };
+      const std::vector<std::string> shafts = namesAt(own_, "shafts", "");
       const auto found = own.find(key);
-      if (found == own.end() && states_.count(key) == 0) continue;
-      if (found == own.end()) {
-        own[key] =
-            ParameterTree::list(ParameterTree::List(shafts_.size(), ParameterTree::real(0.0)));
+      add("initial/", found == own.end() ? nullptr : &found->second, shafts, {},
+          ", of the scene's own shafts: " + joinNames(shafts) +
+              " (those of a part are in its own 'initial')");
+      for (const std::string& name : parts_) {
+        const Part& part = made_[name];
+        const ParameterTree* const its = part.scene.find("initial");
+        if (its != nullptr && its->kind() != Kind::kNothing)
+          requireKind(Kind::kDictionary, *its, name + "/initial", "a dictionary");
+        add(name + "/initial/", its == nullptr ? nullptr : its->find(key),
+            namesAt(part.scene, "shafts", name), part.connected, "");
       }
-      if (own[key].kind() != Kind::kList || own[key].asList().size() != shafts_.size()) {
-        throw SceneError("initial/" + key,
-                         "expected a list of " + std::to_string(shafts_.size()) +
-                             " numbers, of the scene's own shafts: " + joinNames(shafts_) +
-                             " (those of a part are in its own 'initial'), got " +
-                             own[key].toText());
-      }
-      ParameterTree::List& list = own[key].asList();
-      list.insert(list.end(), more.begin(), more.end());
+      if (is_given) own[key] = ParameterTree::list(std::move(all));
     }
     if (own.empty()) root_.erase("initial");
   }
@@ -383,11 +365,8 @@ class Merge {
   const std::vector<std::string>& node_keys_;
   Dictionary root_;
   const std::vector<std::string> parts_;
-  std::vector<std::string> shafts_;  ///< the scene's own
   std::map<std::string, Part> made_;
   std::map<std::string, ParameterTree::List> added_;  ///< names, by their list
-  std::map<std::string, ParameterTree::List> initial_;
-  std::set<std::string> states_;  ///< keys of `initial` that a part has
 };
 
 }  // namespace
