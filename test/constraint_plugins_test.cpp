@@ -222,7 +222,7 @@ TEST(Plugins, AnImposedRatioEntersWithItsTwoDerivatives) {
   const ParameterTree tree = readYamlText("x: [0, 2, 5]\ny: [0.4, 0.8, 0.6]", "test");
   ParameterReader reader(tree, "");
   const Table curve =
-      Table::read(reader, {"x", Range::any()}, {"y", Range::any()}, Table::Beyond::kConstant);
+      Table::read(reader, {{"x", Range::any()}, {"y", Range::any()}}, Table::Beyond::kConstant);
   const Scene commanded = sceneOf(
       "KinematicRatio, shafts: [drive, load], ratio: {topic: ratio, hold: second_order_lag, "
       "time_constant: 0.3, initial: 0.6}");

@@ -753,8 +753,8 @@ NamedTables someTables() {
   const Table::Beyond beyond = Table::Beyond::kLinear;
   NamedTables tables;
   tables["curve"] = std::make_shared<Table>(
-      Table::read(reader, {"x", Range::any()}, {"x", Range::any()}, beyond));
-  tables["map"] = std::make_shared<Table>(Table::read(reader, {"x"}, {"y"}, {"z"}, beyond));
+      Table::read(reader, {{"x", Range::any()}, {"x", Range::any()}}, beyond));
+  tables["map"] = std::make_shared<Table>(Table::read(reader, {{"x"}, {"y"}, {"z"}}, beyond));
   return tables;
 }
 

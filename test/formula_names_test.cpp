@@ -24,8 +24,8 @@ std::shared_ptr<const Table> table(const std::string& yaml,
   const ParameterTree tree = readYamlText(yaml, "table");
   ParameterReader reader(tree, "table");
   return std::make_shared<const Table>(reader.has("y")
-                                           ? Table::read(reader, {"x"}, {"y"}, {"values"}, beyond)
-                                           : Table::read(reader, {"x"}, {"values"}, beyond));
+                                           ? Table::read(reader, {{"x"}, {"y"}, {"values"}}, beyond)
+                                           : Table::read(reader, {{"x"}, {"values"}}, beyond));
 }
 
 const char* const kCurve = "{x: [-1, 0.5, 2, 2.5, 4], values: [1, 3, -2, 0, 0.5]}";

@@ -653,7 +653,7 @@ TEST(Friction, HoldsUnlessItsSignIsSmoothed) {
 Table tableOf(const std::string& lists, Table::Beyond beyond) {
   const ParameterTree tree = readYamlText(lists, "table");
   ParameterReader reader(tree, "it");
-  const Table table = Table::read(reader, {"x", Range::any()}, {"y", Range::any()}, beyond);
+  const Table table = Table::read(reader, {{"x", Range::any()}, {"y", Range::any()}}, beyond);
   reader.finish();
   return table;
 }

@@ -282,7 +282,7 @@ class Car : public Commanded {
   static Table readMap(const ParameterTree& scene) {
     ParameterReader root(scene, "");
     ParameterReader reader = root.section("engine_map");
-    return Table::read(reader, {"x"}, {"y"}, {"values"}, Table::Beyond::kLinear);
+    return Table::read(reader, {{"x"}, {"y"}, {"values"}}, Table::Beyond::kLinear);
   }
   Surface engine_;
   Curve hill_{{-100, 650, 720, 870, 940}, {0, 0, 0.08, 0.08, 0}};

@@ -51,6 +51,9 @@ enum class Interpolation {
 class Table {
  public:
   enum class Beyond { kConstant, kLinear };
+  static Choices<Beyond> beyondWords() {
+    return {{"constant", Beyond::kConstant}, {"linear", Beyond::kLinear}};
+  }
   /// Highest degree of the polynomials: derivatives of higher order are 0.
   static constexpr int kDegree = 5;
   struct Shape {
@@ -88,11 +91,10 @@ class Table {
   /// Makes a table of points that were read at `origin` of a scene, two at least: of two variables
   /// if there are y. Throws SceneError unless x, and y, are strictly increasing.
   static Table make(Points points, const Shape& shape, const std::string& origin);
-  /// Reads two lists of equally many numbers, two at least, x strictly increasing.
-  /// Throws SceneError.
-  static Table read(ParameterReader& reader, const Column& x, const Column& y, const Shape& shape);
-  /// Reads a table of two variables: z is a list of one row per x, each with a value per y.
-  static Table read(ParameterReader& reader, const Column& x, const Column& y, const Column& z,
+  /// Reads two lists of equally many numbers, two at least, x strictly increasing; or those of a
+  /// table of two variables: x, y, and z, a list of one row per x, each with a value per y. Throws
+  /// SceneError.
+  static Table read(ParameterReader& reader, const std::vector<Column>& columns,
                     const Shape& shape);
 
   int argumentCount() const;

@@ -47,8 +47,9 @@ void DieselEngine::build(LawContext& scene) {
   const Shaft shaft = scene.shaft("shaft");
   const Expression w = shaft.velocity;
   ParameterReader full_load = parameters.section("full_load");
-  const Table T = Table::read(full_load, {"speed", Range::any("rad/s")},
-                              {"torque", Range::notNegative("N m")}, Table::Beyond::kConstant);
+  const Table T = Table::read(
+      full_load, {{"speed", Range::any("rad/s")}, {"torque", Range::notNegative("N m")}},
+      Table::Beyond::kConstant);
   full_load.finish();
   Expression r = scene.quantity("rack", Range::between(0.0, 1.0, "1"));
   // r = u + (1 - u) g = 1 - (1 - u) S

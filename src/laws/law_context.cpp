@@ -85,7 +85,7 @@ Expression readQuantity(ComponentContext& context, ParameterReader& section, con
   }
   ParameterReader dictionary = section.section(key);
   if (dictionary.has("times") || dictionary.has("values")) {
-    const Table table = Table::read(dictionary, {"times", Range::any("s")}, {"values", range},
+    const Table table = Table::read(dictionary, {{"times", Range::any("s")}, {"values", range}},
                                     Table::Beyond::kConstant);
     dictionary.finish();
     return overTime(context, std::make_shared<const Table>(table));

@@ -41,10 +41,9 @@ Expression readKloss(LawContext& scene, const Expression& w) {
 Expression readTable(LawContext& scene, const Expression& w) {
   scene.keys({"table", "command"});
   ParameterReader section = scene.parameters().section("table", {"speed", "torque", "beyond"});
-  const bool levels = section.choice("beyond", {"constant", "linear"}, "constant") == "constant";
   const Table table =
-      Table::read(section, {"speed", Range::any("rad/s")}, {"torque", Range::any("N m")},
-                  levels ? Table::Beyond::kConstant : Table::Beyond::kLinear);
+      Table::read(section, {{"speed", Range::any("rad/s")}, {"torque", Range::any("N m")}},
+                  section.choice("beyond", Table::beyondWords(), "constant"));
   section.finish();
   return scene.lookUp(table, w);
 }

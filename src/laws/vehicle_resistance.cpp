@@ -31,8 +31,8 @@ Expression readGrade(LawContext& scene) {
                         tree->asDictionary().count("time") != 0;
   if (!is_table) return scene.quantity("grade", grades, 0.0);
   ParameterReader section = parameters.section("grade");
-  const Table table =
-      Table::read(section, {"time", Range::any("s")}, {"grade", grades}, Table::Beyond::kConstant);
+  const Table table = Table::read(section, {{"time", Range::any("s")}, {"grade", grades}},
+                                  Table::Beyond::kConstant);
   section.finish();
   return scene.lookUp(table, scene.time());
 }

@@ -37,20 +37,19 @@ std::vector<Unit> readUnits(ParameterReader& reader, const std::vector<std::stri
 }
 
 Table::Shape readShape(ParameterReader& reader, const char* preset) {
-  const std::string interpolation =
-      reader.choice("interpolation", {"smooth", "linear", "hold"}, preset);
   Table::Shape shape(Table::Beyond::kConstant);
-  if (interpolation == "linear") shape.interpolation = Interpolation::kLinear;
-  if (interpolation == "hold") shape.interpolation = Interpolation::kHold;
-  if (reader.choice("beyond", {"constant", "linear"}, "constant") == "linear") {
-    shape.beyond = Table::Beyond::kLinear;
-    if (interpolation == "hold") {
-      throw reader.error("beyond",
-                         "'linear' continues the slope at the ends, and a table that holds its "
-                         "values has none; allowed: constant, or interpolation linear or smooth");
-    }
+  shape.interpolation = reader.choice<Interpolation>("interpolation",
+                                                     {{"smooth", Interpolation::kSmooth},
+                                                      {"linear", Interpolation::kLinear},
+                                                      {"hold", Interpolation::kHold}},
+                                                     preset);
+  shape.beyond = reader.choice("beyond", Table::beyondWords(), "constant");
+  if (shape.beyond == Table::Beyond::kConstant || shape.interpolation != Interpolation::kHold) {
+    return shape;
   }
-  return shape;
+  throw reader.error("beyond",
+                     "'linear' continues the slope at the ends, and a table that holds its values "
+                     "has none; allowed: constant, or interpolation linear or smooth");
 }
 
 /// Returns the values of a grid from the rows (x, y, value) of a file, in any order.
@@ -157,18 +156,18 @@ Table readPlayed(ParameterReader& reader, const std::string& name) {
 Table readTable(ParameterReader& reader, std::vector<std::string>* warnings) {
   reader.allow({"file", "x", "y", "values", "units"});
   const Table::Shape shape = readShape(reader, "smooth");
-  const bool has_two = reader.has("y");
+  std::vector<std::pair<const char*, std::string>> keys{{"x", ""}, {"y", ""}, {"values", ""}};
+  if (!reader.has("y")) keys.erase(keys.begin() + 1);
   Table table;
   if (reader.has("file")) {
-    table = has_two ? readFileTable(reader, shape, {{"x", ""}, {"y", ""}, {"values", ""}})
-                    : readFileTable(reader, shape, {{"x", ""}, {"values", ""}});
-  } else if (has_two) {
-    const std::vector<Unit> units = readUnits(reader, {"x", "y", "values"});
-    table = Table::read(reader, {"x", {}, units[0]}, {"y", {}, units[1]}, {"values", {}, units[2]},
-                        shape);
+    table = readFileTable(reader, shape, keys);
   } else {
-    const std::vector<Unit> units = readUnits(reader, {"x", "values"});
-    table = Table::read(reader, {"x", {}, units[0]}, {"values", {}, units[1]}, shape);
+    std::vector<std::string> names;
+    for (const auto& key : keys) names.emplace_back(key.first);
+    const std::vector<Unit> units = readUnits(reader, names);
+    std::vector<Table::Column> columns;
+    for (std::size_t i = 0; i < keys.size(); ++i) columns.push_back({keys[i].first, {}, units[i]});
+    table = Table::read(reader, columns, shape);
   }
   constexpr double kCoarse = 0.05;
   const double coarseness = reader.has("interpolation") ? 0.0 : calcCoarseness(table);
