@@ -221,54 +221,32 @@ std::optional<Mismatch> findMismatch(const OpaqueFunction& f, const Arguments& x
   return std::nullopt;
 }
 
-/// A call of an opaque function by a law.
-struct Call {
-  std::shared_ptr<const OpaqueFunction> function;
-  expression::Tape arguments;
-
-  Arguments evaluate(const CheckPoint& point) const {
-    Arguments x{};
-    arguments.evaluate(point.view(), x.data());
-    return x;
-  }
-};
-
-std::vector<Call> listCalls(const expression::Graph& graph,
-                            const std::vector<expression::Node>& nodes) {
-  std::vector<Call> calls;
-  for (const int n : graph.listReachable(nodes)) {
-    const expression::Graph::Entry& entry = graph.entry({n});
-    if (entry.operation != expression::Operation::kOpaque) continue;
-    if (expression::OpaqueSlope::countIn(*graph.opaqueOf(entry)) > 0) continue;
-    const int count = graph.opaqueOf(entry)->argumentCount();
-    std::vector<expression::Node> arguments;
-    arguments.reserve(static_cast<std::size_t>(count));
-    for (int i = 0; i < count; ++i) {
-      arguments.push_back({entry.operands[i]});
-    }
-    calls.push_back({graph.opaqueOf(entry), expression::Tape(graph, arguments)});
-  }
-  return calls;
-}
-
-void verify(const Scene& scene, const Call& call, const std::string& name, const char* kind) {
+/// Checks a function that the law of `kind` calls with `arguments`.
+void verify(const Scene& scene, const OpaqueFunction& function, const expression::Tape& arguments,
+            const Law& law, const char* kind) {
   constexpr int kPoints = 4;
   Random random;
   const CheckPoint start = startOf(scene);
+  const auto argumentsAt = [&](const CheckPoint& point) {
+    Arguments x{};
+    arguments.evaluate(point.view(), x.data());
+    return x;
+  };
   for (int n = 0; n < kPoints; ++n) {
     const CheckPoint point = n == 0 ? start : shaken(scene, start, 0.3, random);
-    const Arguments x = call.evaluate(point);
-    const std::optional<Mismatch> wrong = findMismatch(*call.function, x);
+    const Arguments x = argumentsAt(point);
+    const std::optional<Mismatch> wrong = findMismatch(function, x);
     if (!wrong) continue;
     const CheckPoint nearby = shaken(scene, point, 1e-3, random);
-    if (!findMismatch(*call.function, call.evaluate(nearby))) continue;
+    if (!findMismatch(function, argumentsAt(nearby))) continue;
     throw SceneError(
-        name, "d f/d x" + std::to_string(wrong->argument + 1) + " of an opaque function of " +
-                  kind + " " + inQuotes(name) + " is stated as " + formatNumber(wrong->stated) +
-                  ", but its values say " + formatNumber(wrong->found) +
-                  ", at x = " + formatNumbers(x.data(), call.function->argumentCount()) +
-                  "; correct the derivative, or load it unchecked with verify_derivatives: false" +
-                  scene.extreme_numbers);
+        law.name(),
+        "d f/d x" + std::to_string(wrong->argument + 1) + " of an opaque function of " + kind +
+            " " + inQuotes(law.name()) + " is stated as " + formatNumber(wrong->stated) +
+            ", but its values say " + formatNumber(wrong->found) +
+            ", at x = " + formatNumbers(x.data(), function.argumentCount()) +
+            "; correct the derivative, or load it unchecked with verify_derivatives: false" +
+            scene.extreme_numbers);
   }
 }
 
@@ -302,13 +280,20 @@ void warnOfEnergy(const Constraint& constraint, Scene* scene) {
 }
 
 void verifyDerivatives(const Scene& scene) {
-  const auto check = [&scene](const Law& law, const char* kind) {
-    for (const Call& call : listCalls(law.graph(), law.formulas())) {
-      verify(scene, call, law.name(), kind);
+  const expression::Graph& graph = *scene.graph;
+  for (const Law* law : scene.laws()) {
+    const bool is_torque = dynamic_cast<const Torque*>(law) != nullptr;
+    const char* const kind = is_torque ? "torque" : "constraint";
+    for (const int n : graph.listReachable(law->formulas())) {
+      const expression::Graph::Entry& entry = graph.entry({n});
+      if (entry.operation != expression::Operation::kOpaque) continue;
+      const OpaqueFunction& function = *graph.opaqueOf(entry);
+      if (expression::OpaqueSlope::countIn(function) > 0) continue;
+      std::vector<expression::Node> arguments;
+      for (int i = 0; i < function.argumentCount(); ++i) arguments.push_back({entry.operands[i]});
+      verify(scene, function, expression::Tape(graph, arguments), *law, kind);
     }
-  };
-  for (const TorquePtr& torque : scene.torques) check(*torque, "torque");
-  for (const ConstraintPtr& constraint : scene.constraints) check(*constraint, "constraint");
+  }
 }
 
 }  // namespace variator_sim

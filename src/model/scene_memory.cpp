@@ -56,80 +56,60 @@ Node readSwitching(ComponentContext& context, const char* key) {
 
 // --- pid -----------------------------------------------------------------------------------------
 
-/// The numbers of a controller. With e = error, I the integral part and f the filtered error
+/// Reads a controller. With e = error, I the integral part and f the filtered error
 ///     v = kp e + I + kd f',  f' = (e - f) / Td,  u = v between the limits
 ///     I' = ki e + (u - v) / Tt
 /// The value that formulas read is u. Beyond a limit I follows v back with the time constant Tt:
 /// integration that stops there and goes on inside would be switched without end where e pushes v
 /// out as kp e' pulls it in.
-struct Pid {
-  double kp = 0.0;
-  double ki = 0.0;
-  double kd = 0.0;
-  double derivative_time = 0.0;
-  std::vector<double> limits;
-  double tracking_time = 0.0;
-};
-
-Pid readPid(ParameterReader& reader) {
-  reader.allow({"type", "error", "kp", "ki", "kd", "limits", "derivative_time", "tracking_time",
-                "initial", "parameters"});
-  Pid made;
-  made.kp = reader.number("kp", Range::any(), 0.0);
-  made.ki = reader.number("ki", Range::any(), 0.0);
-  made.kd = reader.number("kd", Range::any(), 0.0);
-  if (made.kp == 0.0 && made.ki == 0.0 && made.kd == 0.0) {
+void readController(const std::string& name, ParameterReader& root, SceneState* states,
+                    Scene* scene) {
+  ParameterReader reader =
+      root.section(name, {"type", "error", "kp", "ki", "kd", "limits", "derivative_time",
+                          "tracking_time", "initial", "parameters"});
+  const double kp = reader.number("kp", Range::any(), 0.0);
+  const double ki = reader.number("ki", Range::any(), 0.0);
+  const double kd = reader.number("kd", Range::any(), 0.0);
+  if (kp == 0.0 && ki == 0.0 && kd == 0.0) {
     throw reader.error("kp", "kp, ki and kd are 0; allowed: at least one that is not");
   }
   // The derivative of the error itself would need accelerations, which no torque may read.
-  if (made.kd != 0.0) made.derivative_time = reader.number("derivative_time", Range::positive("s"));
-  if (made.kd != 0.0 && !std::isfinite((std::abs(made.kd) + 1.0) / made.derivative_time)) {
+  const double Td = kd != 0.0 ? reader.number("derivative_time", Range::positive("s")) : 0.0;
+  if (kd != 0.0 && !std::isfinite((std::abs(kd) + 1.0) / Td)) {
     throw reader.error(
         "derivative_time",
-        formatNumber(made.derivative_time) + " beside a kd of " + formatNumber(made.kd) +
+        formatNumber(Td) + " beside a kd of " + formatNumber(kd) +
             ": kd/derivative_time is beyond double precision; allowed: a longer time");
   }
-  if (reader.has("limits")) made.limits = reader.numbers("limits", 2);
-  if (!made.limits.empty() && !(made.limits[0] < made.limits[1])) {
-    throw reader.error("limits", formatNumber(made.limits[0]) + " and " +
-                                     formatNumber(made.limits[1]) +
+  std::vector<double> limits;
+  if (reader.has("limits")) limits = reader.numbers("limits", 2);
+  if (!limits.empty() && !(limits[0] < limits[1])) {
+    throw reader.error("limits", formatNumber(limits[0]) + " and " + formatNumber(limits[1]) +
                                      ": the lower limit comes first");
   }
-  if (reader.has("tracking_time") || (made.ki != 0.0 && !made.limits.empty())) {
-    std::optional<double> preset;
-    if (made.kp / made.ki > 0.0) preset = made.kp / made.ki;
-    made.tracking_time = reader.number("tracking_time", Range::positive("s"), preset);
+  double Tt = 0.0;
+  if (reader.has("tracking_time") || (ki != 0.0 && !limits.empty())) {
+    const bool has_preset = kp / ki > 0.0;
+    Tt = reader.number("tracking_time", Range::positive("s"),
+                       has_preset ? std::optional<double>(kp / ki) : std::nullopt);
   }
-  return made;
-}
-
-void readController(const std::string& name, ParameterReader& root, SceneState* states,
-                    Scene* scene) {
-  ParameterReader reader = root.section(name);
-  const Pid pid = readPid(reader);
   ComponentContext context = contextOf(name, reader, scene);
   Graph& graph = *scene->graph;
-  const auto times = [&graph](double factor, Node node) {
-    return graph.multiply(graph.constant(factor), node);
+  const auto valueOf = [&](const SceneState& state) {
+    return Expression(graph, variableOf(*scene, state.input));
   };
-  const Node e = readFormula(context, "error", FormulaKind::kQuantity, graph);
-  Node v = graph.add(times(pid.kp, e), variableOf(*scene, states[0].input));
-  if (pid.kd != 0.0) {
-    const Node f = variableOf(*scene, states[1].input);
-    states[1].rate = times(1.0 / pid.derivative_time, graph.subtract(e, f));
-    v = graph.add(v, times(pid.kd, states[1].rate));
+  const Expression e(graph, readFormula(context, "error", FormulaKind::kQuantity, graph));
+  Expression v = kp * e + valueOf(states[0]);
+  if (kd != 0.0) {
+    const Expression rate = 1.0 / Td * (e - valueOf(states[1]));
+    states[1].rate = rate.in(graph);
+    v += kd * rate;
   }
-  Node u = v;
-  states[0].rate = times(pid.ki, e);
-  if (!pid.limits.empty()) {
-    u = graph.minimum(graph.maximum(v, graph.constant(pid.limits[0])),
-                      graph.constant(pid.limits[1]));
-    if (pid.tracking_time > 0.0) {
-      states[0].rate =
-          graph.add(states[0].rate, times(1.0 / pid.tracking_time, graph.subtract(u, v)));
-    }
-  }
-  scene->symbols.values[name] = u;
+  Expression rate = ki * e;
+  const Expression u = limits.empty() ? v : clamp(v, limits[0], limits[1]);
+  if (!limits.empty() && Tt > 0.0) rate += 1.0 / Tt * (u - v);
+  states[0].rate = rate.in(graph);
+  scene->symbols.values[name] = u.in(graph);
   reader.finish();
 }
 
@@ -213,10 +193,12 @@ void readEvents(ParameterReader& root, const SceneNames& names, Scene* scene) {
                          "is a constant, which passes 0 nowhere; allowed: a formula that changes "
                          "its sign along the motion");
     }
-    const std::string direction =
-        reader.choice("direction", {"rising", "falling", "both"}, std::string("both"));
-    if (direction == "rising") event.direction = SceneEvent::Direction::kRising;
-    if (direction == "falling") event.direction = SceneEvent::Direction::kFalling;
+    using Direction = SceneEvent::Direction;
+    event.direction = reader.choice<Direction>("direction",
+                                               {{"rising", Direction::kRising},
+                                                {"falling", Direction::kFalling},
+                                                {"both", Direction::kBoth}},
+                                               "both");
     ParameterReader set = reader.section("set");
     for (int i = 0; i < scene->inputCount(); ++i) {
       const CommandInputSettings& input = scene->inputs[static_cast<std::size_t>(i)];
