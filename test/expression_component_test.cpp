@@ -17,7 +17,7 @@ std::shared_ptr<Component> configured(const std::string& keys,
   const ParameterTree tree = readYamlText("{" + keys + "}", "test");
   ParameterReader reader(tree, "it");
   std::vector<CommandInputSettings> inputs;
-  ComponentContext context("it", reader, shafts, inputs);
+  LawContext context("it", reader, shafts, inputs);
   auto component = std::make_shared<Component>();
   component->configure(context);
   reader.finish();

@@ -292,7 +292,7 @@ TEST(ConstraintOfAPlugin, HasTheRowJacobiansAndHessianOfItsFormula) {
   ParameterReader reader(tree, "cubic");
   const std::vector<std::string> shafts{"a", "b"};
   std::vector<CommandInputSettings> inputs(1);
-  ComponentContext context("cubic", reader, shafts, inputs);
+  LawContext context("cubic", reader, shafts, inputs);
   constraint.configure(context);
 
   const double angle[] = {2.0, 0.0};

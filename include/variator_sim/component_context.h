@@ -1,6 +1,8 @@
 /// The scene as a torque or a constraint sees it while it is configured.
 #pragma once
 
+#include <functional>
+#include <map>
 #include <memory>
 #include <set>
 #include <string>
@@ -10,9 +12,26 @@
 #include "variator_sim/command_input.h"
 #include "variator_sim/expression/graph.h"
 #include "variator_sim/parameter_tree.h"
-#include "variator_sim/scene_symbols.h"
+#include "variator_sim/table.h"
 
 namespace variator_sim {
+
+using NamedTables = std::map<std::string, std::shared_ptr<const Table>>;
+
+/// Inputs and tables that a scene names for all of its components.
+struct SceneSymbols {
+  /// Commanded inputs, variables and states: indices into StateView::input.
+  std::map<std::string, int> inputs;
+  NamedTables tables;
+  /// Inputs that are played from a file, over time.
+  NamedTables played;
+  /// Formulas that have names: values of controllers and, for outputs, those of other outputs.
+  std::map<std::string, expression::Node> values;
+  /// Formulas for observers only, made when they are read.
+  std::map<std::string, std::function<expression::Node()>> observed;
+  /// The names that only observers may read.
+  std::shared_ptr<std::set<std::string>> of_elements = std::make_shared<std::set<std::string>>();
+};
 
 class ComponentContext {
  public:
@@ -38,22 +57,14 @@ class ComponentContext {
   const std::vector<std::string>& shaftNames() const { return shaft_names_; }
   int shaftCount() const { return static_cast<int>(shaft_names_.size()); }
 
-  /// Returns the index (from 0) of the shaft that `key` names. SceneError with the nearest name.
-  int readShaft(const std::string& key);
-  /// Returns the indices of exactly `count` different shafts that the list at `key` names.
-  std::vector<int> readShafts(const std::string& key, int count);
   /// Declares a commanded input; returns the index into `input` and `input_rate` of StateView.
   int addInput(const CommandInputSettings& settings);
   /// Returns the index of the input that has the value of `node` from `seconds` ago; declares it
   /// under `text`, as the formula at `path` writes it, unless there is one. Throws SceneError.
   int addDelay(expression::Node node, double seconds, const std::string& text,
                const std::string& path);
-  const CommandInputSettings& inputSettings(int index) const {
-    return inputs_[static_cast<std::size_t>(index)];
-  }
-  /// Gives the commanded input of this index the bounds of `range` in place of the limits that it
-  /// does not state: commands beyond are clamped and counted.
-  void limitInput(int index, const Range& range);
+  /// Returns the input of this index.
+  CommandInputSettings& input(int index) { return inputs_[static_cast<std::size_t>(index)]; }
   const std::shared_ptr<expression::Graph>& graph() const { return graph_; }
 
   /// Adds a sentence that warns the author of the scene.
@@ -65,11 +76,6 @@ class ComponentContext {
 
   /// Returns the inputs and tables that the scene names for all of its components.
   const SceneSymbols& symbols() const { return symbols_; }
-  /// Returns the index of the scene's input `name`, as the value at `path` calls it, and counts it
-  /// as used by the component. Throws SceneError with the nearest name if there is none.
-  int useInput(const std::string& name, const std::string& path);
-  /// Returns the indices of the inputs that the component has declared or uses, each once.
-  const std::set<int>& usedInputs() const { return used_inputs_; }
 
  private:
   std::string name_;
@@ -79,7 +85,6 @@ class ComponentContext {
   SceneSymbols symbols_;
   std::shared_ptr<expression::Graph> graph_;
   std::shared_ptr<const void> libraries_;
-  std::set<int> used_inputs_;
   std::vector<std::string> warnings_;
 };
 

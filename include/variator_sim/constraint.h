@@ -2,7 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -42,8 +41,8 @@ class Constraint : public Law {
   int order() const { return order_; }
   /// Returns f, psi, or C eta + c0.
   expression::Node function() const { return formulas().front(); }
-  /// Returns f' = C epsilon + .. for order 1, psi for order 2.
-  expression::Node secondOrder() const { return second_order_; }
+  /// Returns f' = C epsilon + .. for order 1, psi for order 2, c0 for order 3.
+  expression::Node residual() const { return residual_node_; }
   /// Returns C (s nodes), then c0.
   const std::vector<expression::Node>& row() const { return row_nodes_; }
   /// Returns D (s nodes) of a reaction D' lambda; none where it is along C.
@@ -73,7 +72,7 @@ class Constraint : public Law {
   /// Returns the same constraint given as C eta + c0 = 0.
   ConstraintPtr inOrder3() const;
   /// True when psi reads a commanded input.
-  bool readsInputs() const { return !inputs_.empty(); }
+  bool readsInputs() const { return !expression::inputsIn(graph(), formulas()).empty(); }
 
  protected:
   Constraint() = default;
@@ -83,22 +82,17 @@ class Constraint : public Law {
   /// Makes a constraint that follows from another one, without `configure`.
   Constraint(const Constraint& of, expression::Node function, int order)
       : Law(of.name(), of.shaftCount(), of.sharedGraph()) {
-    compile(function, order, of.inputs_, of.name());
+    compile(function, order, of.name());
   }
-  void derive(const LawContext& law, const ComponentContext& context) override;
+  void derive(const LawContext& law) override;
 
-  /// Compiles `given`, a function of order `order` that may read `inputs`; messages call it `path`.
-  void compile(expression::Node given, int order, const std::set<int>& inputs,
-               const std::string& path);
-  struct Formulas;
-  Formulas differentiate(const std::set<int>& inputs, const std::string& path);
-  /// Returns the function of order 3 with all jerks 0.
-  expression::Node withoutJerks(const std::vector<expression::Node>& C, const std::string& path);
-  void noteNonlinear(const Formulas& formulas);
-  void check(const Formulas& formulas, const std::string& path) const;
-  void makePrograms(const Formulas& formulas);
+  /// Compiles `given`, a function of order `order`; messages call it `path`.
+  void compile(expression::Node given, int order, const std::string& path);
+  /// Returns the function of order 3, whose C is known, with all jerks 0.
+  expression::Node withoutJerks(const std::string& path);
+  void noteNonlinear(const std::vector<expression::Node>& hessian);
 
-  expression::Node second_order_;
+  expression::Node residual_node_;
   std::vector<expression::Node> row_nodes_;
   std::vector<expression::Node> direction_;
 
@@ -108,7 +102,6 @@ class Constraint : public Law {
   expression::Tape row_;                    ///< C, then c0
   expression::Tape hessian_;                ///< H = dC/depsilon, s x s
   int order_ = 2;
-  std::set<int> inputs_;  ///< inputs that the law reads
   ShaftSet nonlinear_;
   std::vector<ConstraintPtr> kinks_;
 };

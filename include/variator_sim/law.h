@@ -6,31 +6,11 @@
 #include <utility>
 #include <vector>
 
-#include "variator_sim/expression/rates.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/law_context.h"
 #include "variator_sim/types.h"
 
 namespace variator_sim {
-
-/// The outputs that a law names (LawContext::output), computed for samples only, and only on
-/// request.
-class NamedOutputs {
- public:
-  NamedOutputs() = default;
-  explicit NamedOutputs(const LawContext& law);
-
-  const std::vector<std::string>& names() const { return names_; }
-  /// Returns one node of the scene's graph for each name.
-  const std::vector<expression::Node>& nodes() const { return nodes_; }
-  /// Writes one value for each name. [loop]
-  void evaluate(const StateView& state, double* values) const { tape_.evaluate(state, values); }
-
- private:
-  std::vector<std::string> names_;
-  std::vector<expression::Node> nodes_;
-  expression::Tape tape_;
-};
 
 /// An element of a scene that states its law as formulas, or by an OpaqueFunction.
 ///
@@ -44,7 +24,7 @@ class Law {
   Law& operator=(const Law&) = delete;
 
   /// Builds the law. Called once, before any evaluation. Throws SceneError.
-  void configure(ComponentContext& context);
+  void configure(LawContext& law);
   const std::string& name() const { return name_; }
   int shaftCount() const { return shaft_count_; }
 
@@ -58,11 +38,12 @@ class Law {
   std::string nameOf(const Holding& it) const {
     return name_ + (it.part.empty() ? "" : "/" + it.part);
   }
-  /// Returns the number of the law's switching functions. Steps end at their zeros, because an
-  /// error estimate across a kink is unreliable.
-  std::size_t switchingFunctions() const { return switching_functions_; }
-  /// Returns the named outputs of this element ("slip"). `state.acceleration` may be read.
-  const NamedOutputs& outputs() const { return outputs_; }
+  /// Returns the outputs that the law names ("slip"), formulas that may read accelerations.
+  const std::vector<std::pair<std::string, expression::Node>>& outputs() const { return outputs_; }
+  /// Writes the value of each, for samples only, and only on request. [loop]
+  void calcOutputs(const StateView& state, double* values) const {
+    outputs_program_.evaluate(state, values);
+  }
 
  protected:
   Law() = default;
@@ -72,7 +53,7 @@ class Law {
   /// States the law. Called once. Throws SceneError.
   virtual void build(LawContext& scene) = 0;
   /// Derives what follows from the law as stated. Throws SceneError.
-  virtual void derive(const LawContext& law, const ComponentContext& context) = 0;
+  virtual void derive(const LawContext& law) = 0;
   void setFormulas(std::vector<expression::Node> formulas) { formulas_ = std::move(formulas); }
   const std::shared_ptr<expression::Graph>& sharedGraph() const { return graph_; }
 
@@ -81,9 +62,9 @@ class Law {
   int shaft_count_ = 0;
   std::shared_ptr<expression::Graph> graph_;
   std::vector<expression::Node> formulas_;
-  std::size_t switching_functions_ = 0;
   std::vector<Holding> holdings_;
-  NamedOutputs outputs_;
+  std::vector<std::pair<std::string, expression::Node>> outputs_;
+  expression::Tape outputs_program_;
 };
 
 }  // namespace variator_sim

@@ -58,14 +58,11 @@ struct Holding {
   std::string part;             ///< name within the element, of those that hold in several ways
 };
 
-class LawContext {
+class LawContext : public ComponentContext {
  public:
-  explicit LawContext(ComponentContext& context) : context_(context), place_(context.name()) {}
+  using ComponentContext::ComponentContext;
 
   // --- keys of the scene -----------------------------------------------------------------------
-  /// The law's own dictionary.
-  ParameterReader& parameters() { return context_.parameters(); }
-  ComponentContext& component() const { return context_; }
   /// Declares all keys of the law, for the message when one is misspelt.
   void keys(std::initializer_list<const char*> keys);
 
@@ -100,8 +97,6 @@ class LawContext {
   /// Returns the input that the law's own keys `topic`, `hold`, .. declare (command_input.h).
   Expression command(const Range& range = Range::any());
 
-  /// True for a formula that reads the velocity of a shaft.
-  bool readsVelocities(const Expression& formula) const;
   Expression time();  ///< t, s
   /// Returns `f` at its arguments: a function that states its values and first derivatives in C++.
   Expression function(std::shared_ptr<const OpaqueFunction> f, std::vector<Expression> arguments);
@@ -143,7 +138,7 @@ class LawContext {
   /// Makes messages about the law as a whole refer to its `key` instead of its name.
   void tellOf(const std::string& key) { place_ = parameters().keyPath(key); }
 
-  const std::string& place() const { return place_; }
+  const std::string& place() const { return place_.empty() ? name() : place_; }
   const Expression& psi() const { return psi_; }
   /// Returns the torques by index of the shaft, in the order of the first `apply`.
   const std::vector<std::pair<int, Expression>>& torques() const { return torques_; }
@@ -152,7 +147,6 @@ class LawContext {
   const std::vector<Holding>& holdings() const { return holdings_; }
 
  private:
-  ComponentContext& context_;
   std::string place_;
   Expression psi_;
   std::vector<std::pair<int, Expression>> torques_;

@@ -37,7 +37,7 @@ class Torque : public Law {
   void addTorqueRate(const StateView& state, double* torque_rate) const;
 
  private:
-  void derive(const LawContext& law, const ComponentContext& context) override;
+  void derive(const LawContext& law) override;
 
   std::vector<ShaftNode> torques_;
   std::vector<ShaftNode> rates_;

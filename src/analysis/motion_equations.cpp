@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "analysis/decompositions.h"
-#include "variator_sim/expression/rates.h"
+#include "variator_sim/expression/tape.h"
 #include "variator_sim/interruption.h"
 
 namespace variator_sim {
@@ -191,7 +191,7 @@ void MotionEquations::addConstraint(const Constraint& constraint) {
     }
   } else {
     if (constraint.order() == 1) formulas.velocity = constraint.function();
-    formulas.acceleration = constraint.secondOrder();
+    formulas.acceleration = constraint.residual();
     formulas.jerk = rate(formulas.acceleration);
   }
   formulas.D = formulas.C;

@@ -44,9 +44,8 @@ std::vector<Shown> listShown(const Scene& scene) {
   expression::Graph& graph = *scene.graph;
   std::vector<Shown> made;
   const auto addOutputs = [&made](const auto& element) {
-    const NamedOutputs& outputs = element.outputs();
-    for (std::size_t n = 0; n < outputs.names().size(); ++n) {
-      made.push_back({element.name() + "/" + outputs.names()[n], "", outputs.nodes()[n]});
+    for (const auto& [name, node] : element.outputs()) {
+      made.push_back({element.name() + "/" + name, "", node});
     }
   };
   for (const TorquePtr& element : scene.torques) {

@@ -185,14 +185,6 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
                      inQuotes(parameter.first) + " is not read by the formula " + inQuotes(text) +
                          "; remove it, or read it there");
   }
-  for (const auto& [input, index] : context.symbols().inputs) {
-    bool is_used = used.count(input) != 0;
-    for (const auto& [name, value] : context.symbols().values) {
-      is_used = is_used ||
-                (used.count(name) != 0 && graph.dependsOn(value, slotOf(Source::kInput, index)));
-    }
-    if (is_used) context.useInput(input, reader.keyPath(key));
-  }
   return formula;
 }
 

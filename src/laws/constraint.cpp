@@ -27,24 +27,16 @@ int orderOf(const Graph& graph, Node function) {
   return order;
 }
 
-/// Returns the accelerations that `node` reads, bit i for shaft i.
-ShaftSet readAccelerations(const Graph& graph, Node node) {
-  ShaftSet mask;
-  for (const int n : graph.listReachable({node})) {
-    const Graph::Entry& entry = graph.entry({n});
-    const bool is_acceleration = entry.operation == Operation::kVariable &&
-                                 expression::sourceOf(entry.slot) == Source::kAcceleration;
-    if (is_acceleration) mask.set(static_cast<std::size_t>(expression::indexOf(entry.slot)));
-  }
-  return mask;
-}
-
-/// Returns those that abs, min, max, sign and comparisons in `node` read: there it is at best
-/// piecewise linear, although its second derivatives are zero.
+/// Returns the shafts whose accelerations abs, min, max, sign and comparisons in `node` read: there
+/// it is at best piecewise linear, although its second derivatives are zero.
 ShaftSet findPiecewise(Graph& graph, Node node) {
-  ShaftSet mask;
+  std::vector<Node> arguments;
   for (const expression::Branch& it : expression::findBranches(graph, {node})) {
-    mask |= readAccelerations(graph, it.argument);
+    arguments.push_back(it.argument);
+  }
+  ShaftSet mask;
+  for (const int i : expression::indicesIn(graph, arguments, Source::kAcceleration)) {
+    mask.set(static_cast<std::size_t>(i));
   }
   return mask;
 }
@@ -78,7 +70,7 @@ class Constraint::Derived final : public Constraint {
   void build(LawContext& /*scene*/) override {}
 };
 
-void Constraint::derive(const LawContext& law, const ComponentContext& context) {
+void Constraint::derive(const LawContext& law) {
   Graph& graph = Law::graph();
   const Node given = law.psi().in(graph);
   const int s = shaftCount();
@@ -86,7 +78,7 @@ void Constraint::derive(const LawContext& law, const ComponentContext& context) 
   if (order == 0) {
     throw SceneError(law.place(), "the constraint depends on no velocity, acceleration or jerk");
   }
-  compile(given, order, context.usedInputs(), law.place());
+  compile(given, order, law.place());
   if (!law.directions().empty())
     direction_.assign(static_cast<std::size_t>(s), graph.constant(0.0));
   for (const auto& [shaft, D] : law.directions()) {
@@ -108,55 +100,52 @@ ConstraintPtr Constraint::inOrder3() const {
   return std::make_shared<Derived>(*this, sum, 3);
 }
 
-/// The formulas of a constraint's programs.
-struct Constraint::Formulas {
-  std::vector<Node> C;        ///< the derivatives by the highest rates that occur
-  Node second;                ///< f' = C epsilon + ... for order 1, psi itself for order 2
-  Node c0;                    ///< of the third-order form [12]
-  std::vector<Node> hessian;  ///< H
-};
-
-void Constraint::compile(Node given, int order, const std::set<int>& inputs,
-                         const std::string& path) {
-  Graph& graph = Law::graph();
-  setFormulas({given});
-  order_ = order;
-  for (const int i : inputs) {
-    if (graph.dependsOn(given, slotOf(Source::kInput, i))) inputs_.insert(i);
-  }
-  const Formulas formulas = differentiate(inputs, path);
-  second_order_ = formulas.second;
-  noteNonlinear(formulas);
-  check(formulas, path);
-  makePrograms(formulas);
-}
-
-Constraint::Formulas Constraint::differentiate(const std::set<int>& inputs,
-                                               const std::string& path) {
+void Constraint::compile(Node given, int order, const std::string& path) {
   Graph& graph = Law::graph();
   const int s = shaftCount();
-  Formulas made;
-  made.C.reserve(static_cast<std::size_t>(s));
+  setFormulas({given});
+  order_ = order;
+  std::vector<Node> C;
   for (int i = 0; i < s; ++i) {
-    made.C.push_back(graph.differentiate(function(), slotOf(kHighest[order_ - 1], i)));
+    C.push_back(graph.differentiate(given, slotOf(kHighest[order - 1], i)));
   }
-  const std::vector<Graph::Rate> rates = expression::ratesOf(graph, s, inputs);
-  made.second = order_ == 1 ? graph.totalDerivative(function(), rates) : function();
+  row_nodes_ = C;
+  const std::vector<Graph::Rate> rates =
+      expression::ratesOf(graph, s, expression::inputsIn(graph, {given}));
   // The jerks of order 3 occur linearly: c0 is the function without them.
-  made.c0 = order_ < 3 ? graph.totalDerivative(made.second, rates) : withoutJerks(made.C, path);
-  for (const Node entry : made.C) {
+  residual_node_ = order == 1   ? graph.totalDerivative(given, rates)
+                   : order == 2 ? given
+                                : withoutJerks(path);
+  row_nodes_.push_back(order == 3 ? residual_node_ : graph.totalDerivative(residual_node_, rates));
+  std::vector<Node> hessian;
+  for (const Node entry : C) {
     for (int j = 0; j < s; ++j) {
-      made.hessian.push_back(graph.differentiate(entry, slotOf(Source::kAcceleration, j)));
+      hessian.push_back(graph.differentiate(entry, slotOf(Source::kAcceleration, j)));
     }
   }
-  return made;
+  if (order > 1) noteNonlinear(hessian);
+  if (order == 1 && graph.hasDifference({row_nodes_.back()})) {
+    throw SceneError(path,
+                     "a constraint of order 1 is differentiated twice, and the opaque function in "
+                     "it has first derivatives only; allowed: a function made of Expressions, or a "
+                     "constraint of order 2");
+  }
+  if (graph.hasNonFiniteConstant(row_nodes_) || graph.hasNonFiniteConstant(hessian)) {
+    throw SceneError(path, "a derivative of it has a constant part that is not finite");
+  }
+  row_ = Tape(graph, row_nodes_);
+  hessian_ = Tape(graph, hessian);
+  if (order == 3) return;
+  residual_ = Tape(graph, {given});
+  C.insert(C.begin(), residual_node_);
+  residual_and_jacobian_ = Tape(graph, C);
 }
 
-Node Constraint::withoutJerks(const std::vector<Node>& C, const std::string& path) {
+Node Constraint::withoutJerks(const std::string& path) {
   Graph& graph = Law::graph();
   std::vector<Graph::Rate> no_jerks;
   // In pieces a function may bend with the jerks though no derivative shows it.
-  std::vector<Node> bends = C;
+  std::vector<Node> bends = row_nodes_;
   for (const expression::Branch& it : expression::findBranches(graph, {function()})) {
     bends.push_back(it.argument);
   }
@@ -170,47 +159,16 @@ Node Constraint::withoutJerks(const std::vector<Node>& C, const std::string& pat
                              " (a constraint of order 3 is C(t, phi, w, e) j + c0 = 0)");
 }
 
-void Constraint::noteNonlinear(const Formulas& formulas) {
+void Constraint::noteNonlinear(const std::vector<Node>& hessian) {
   Graph& graph = Law::graph();
   const int s = shaftCount();
-  if (order_ == 1) return;
   nonlinear_ = findPiecewise(graph, function());
   for (int i = 0; i < s; ++i) {
-    const auto row = formulas.hessian.begin() + static_cast<std::ptrdiff_t>(i) * s;
+    const auto row = hessian.begin() + static_cast<std::ptrdiff_t>(i) * s;
     const bool is_constant =
-        findPiecewise(graph, formulas.C[static_cast<std::size_t>(i)]).none() &&
+        findPiecewise(graph, row_nodes_[static_cast<std::size_t>(i)]).none() &&
         std::all_of(row, row + s, [&](Node node) { return graph.isConstant(node, 0.0); });
     if (!is_constant) nonlinear_.set(static_cast<std::size_t>(i));
-  }
-}
-
-void Constraint::check(const Formulas& formulas, const std::string& path) const {
-  const Graph& graph = Law::graph();
-  if (order_ == 1 && graph.hasDifference({formulas.c0})) {
-    throw SceneError(path,
-                     "a constraint of order 1 is differentiated twice, and the opaque function in "
-                     "it has first derivatives only; allowed: a function made of Expressions, or a "
-                     "constraint of order 2");
-  }
-  std::vector<Node> checked = formulas.C;
-  checked.push_back(formulas.c0);
-  checked.insert(checked.end(), formulas.hessian.begin(), formulas.hessian.end());
-  if (graph.hasNonFiniteConstant(checked)) {
-    throw SceneError(path, "a derivative of it has a constant part that is not finite");
-  }
-}
-
-void Constraint::makePrograms(const Formulas& formulas) {
-  const Graph& graph = Law::graph();
-  row_nodes_ = formulas.C;
-  row_nodes_.push_back(formulas.c0);
-  row_ = Tape(graph, row_nodes_);
-  hessian_ = Tape(graph, formulas.hessian);
-  if (order_ < 3) {
-    residual_ = Tape(graph, {function()});
-    std::vector<Node> second = {formulas.second};
-    second.insert(second.end(), formulas.C.begin(), formulas.C.end());
-    residual_and_jacobian_ = Tape(graph, second);
   }
 }
 

@@ -11,11 +11,10 @@ using expression::Source;
 namespace {
 
 void readReaction(LawContext& scene) {
-  const ComponentContext& context = scene.component();
   ParameterReader section = scene.parameters().section("reaction");
   bool acts = false;
-  for (int i = 0; i < context.shaftCount(); ++i) {
-    const std::string& shaft = context.shaftNames()[static_cast<std::size_t>(i)];
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    const std::string& shaft = scene.shaftNames()[static_cast<std::size_t>(i)];
     section.allow(shaft);
     if (!section.has(shaft)) continue;
     const Expression D = scene.quantity(section, shaft, Range::any(), {});
@@ -40,14 +39,14 @@ void ExpressionConstraint::build(LawContext& scene) {
       {FormulaKind::kOrder1, Source::kVelocity, "a velocity (w1.. of the shafts)"},
       {FormulaKind::kOrder2, Source::kAcceleration, "an acceleration (e1.. of the shafts)"},
       {FormulaKind::kOrder3, Source::kJerk, "a jerk (j1.. of the shafts)"}};
-  expression::Graph& graph = *scene.component().graph();
+  expression::Graph& graph = *scene.graph();
   scene.keys({"reaction"});
   const int number = scene.parameters().integer("order", 1, 3);
   const Order& order = kOrders[number - 1];
-  const expression::Node psi = readFormula(scene.component(), "expression", order.kind, graph);
+  const expression::Node psi = readFormula(scene, "expression", order.kind, graph);
   scene.tellOf("expression");
   bool depends = false;
-  for (int i = 0; i < scene.component().shaftCount(); ++i) {
+  for (int i = 0; i < scene.shaftCount(); ++i) {
     const expression::Node C = graph.differentiate(psi, slotOf(order.highest, i));
     depends = depends || !graph.isConstant(C, 0.0);
   }

@@ -7,10 +7,10 @@ namespace variator_sim {
 void ExpressionTorque::build(LawContext& scene) {
   scene.keys({"shaft", "reaction_on", "torque", "parameters"});
   ParameterReader& parameters = scene.parameters();
-  expression::Graph& graph = *scene.component().graph();
+  expression::Graph& graph = *scene.graph();
   const Shaft shaft = scene.shaft("shaft");
   const expression::Node node =
-      readFormula(scene.component(), "torque", expression::FormulaKind::kTorque, graph);
+      readFormula(scene, "torque", expression::FormulaKind::kTorque, graph);
   const Expression torque(graph, node);
   scene.tellOf("torque");
   if (!parameters.has("reaction_on")) {

@@ -32,7 +32,7 @@ void checkPeak(LawContext& scene, double T_c, double T_s, double w_s, double w_0
   }
   if (peak >= T_c + 0.9 * (T_s - T_c)) return;
   const auto path = [&](const char* key) { return scene.parameters().keyPath(key); };
-  scene.component().warn(printed(
+  scene.warn(printed(
       "%s: %g N m are never reached, the torque's peak is %.4g N m: the sign is smoothed over %s, "
       "%g rad/s, and %s is only %g rad/s; '%s: %.1g' comes near",
       path("static").c_str(), T_s, peak, path("regularization_speed").c_str(), w_0,

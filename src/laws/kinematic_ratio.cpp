@@ -40,7 +40,7 @@ Both readBoth(LawContext& scene, const std::string& key, const Range& range, dou
 void refuseSelfLocking(LawContext& scene, const Shaft& from, const Shaft& to,
                        const Expression& efficiency) {
   if (!efficiency.isConstant() || efficiency.value() > 0.0) return;
-  const std::vector<std::string>& names = scene.component().shaftNames();
+  const std::vector<std::string>& names = scene.shaftNames();
   const std::string driver = inQuotes(names[static_cast<std::size_t>(from.index)]);
   throw scene.parameters().error(
       "efficiency", "is 0 where " + driver + " drives: a self-locking gear, torque on " + driver +
@@ -68,7 +68,8 @@ void KinematicRatio::build(LawContext& scene) {
       scene.parameters().choice("reaction", {"lossless", "gradient"}, "lossless") == "gradient";
   scene.constrain(s[1].velocity - i * s[0].velocity);
   scene.output("ratio", i);
-  if (!is_gradient && scene.readsVelocities(i)) {
+  expression::Graph& graph = *scene.graph();
+  if (!is_gradient && expression::reads(graph, {i.in(graph)}, expression::Source::kVelocity)) {
     scene.react(s[0], -i);
     scene.react(s[1], 1.0);
   }

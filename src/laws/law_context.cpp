@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "laws/guarded_function.h"
-#include "variator_sim/expression/guards.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/law.h"
 
@@ -46,15 +45,25 @@ Expression readShared(ComponentContext& context, ParameterReader& section, const
   section.finish();
   const auto played = context.symbols().played.find(name);
   if (played != context.symbols().played.end()) return overTime(context, played->second);
-  const int index = context.useInput(name, path);
-  const CommandInputSettings& input = context.inputSettings(index);
+  std::vector<std::string> names;
+  for (const auto& it : context.symbols().inputs) names.push_back(it.first);
+  placeOf(name, names, path, "is not in the list inputs");
+  const int index = context.symbols().inputs.at(name);
+  CommandInputSettings& input = context.input(index);
   for (const double value : {input.minimum, input.maximum, input.initial}) {
     if (std::isinf(value) || range.contains(value)) continue;
     throw SceneError(path, "the input " + inQuotes(name) + " may be " + formatReal(value) +
                                " by its min, max and initial; allowed here: a number " +
                                range.toText());
   }
-  context.limitInput(index, range);
+  // Commands beyond limits that the input does not state are clamped and counted.
+  const bool is_commanded = input.kind == InputKind::kCommanded;
+  if (is_commanded && std::isinf(input.minimum) && range.minimum_included) {
+    input.minimum = range.minimum;
+  }
+  if (is_commanded && std::isinf(input.maximum) && range.maximum_included) {
+    input.maximum = range.maximum;
+  }
   return variable(context, Source::kInput, index);
 }
 
@@ -114,70 +123,78 @@ void LawContext::keys(std::initializer_list<const char*> keys) {
 }
 
 Shaft LawContext::shaftAt(int index) {
-  return {index, variable(context_, Source::kAngle, index),
-          variable(context_, Source::kVelocity, index),
-          variable(context_, Source::kAcceleration, index),
-          variable(context_, Source::kJerk, index)};
+  return {index, variable(*this, Source::kAngle, index), variable(*this, Source::kVelocity, index),
+          variable(*this, Source::kAcceleration, index), variable(*this, Source::kJerk, index)};
 }
 
 Shaft LawContext::shaft(const std::string& key) {
-  return shaftAt(context_.readShaft(key));
+  const std::string path = parameters().keyPath(key);
+  return shaftAt(placeOf(parameters().text(key), shaftNames(), path, "is not a shaft"));
 }
 
 std::vector<Shaft> LawContext::shafts(const std::string& key, int count) {
+  const std::vector<std::string> names = parameters().names(key);
+  const std::string path = parameters().keyPath(key);
+  const std::string expected = "expected a list of " + std::to_string(count) + " different shafts";
+  if (static_cast<int>(names.size()) != count) {
+    throw SceneError(path, expected + ", got " +
+                               (parameters().has(key) ? "[" + joinNames(names) + "]" : "nothing") +
+                               "; allowed: " + joinNames(shaftNames()));
+  }
   std::vector<Shaft> shafts;
-  for (const int index : context_.readShafts(key, count)) shafts.push_back(shaftAt(index));
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const int index = placeOf(names[i], shaftNames(), elementPath(path, i), "is not a shaft");
+    for (const Shaft& other : shafts) {
+      if (other.index != index) continue;
+      throw SceneError(path, expected + ", got " + inQuotes(names[i]) + " twice");
+    }
+    shafts.push_back(shaftAt(index));
+  }
   return shafts;
 }
 
 Expression LawContext::quantity(ParameterReader& section, const std::string& key,
                                 const Range& range, std::optional<double> default_value) {
-  if (!default_value || section.has(key)) return readQuantity(context_, section, key, range);
+  if (!default_value || section.has(key)) return readQuantity(*this, section, key, range);
   return section.number(key, range, default_value);
 }
 
 Expression LawContext::command(const Range& range) {
-  const int input = context_.addInput(readCommandInput(parameters(), context_.name(), range));
-  return variable(context_, Source::kInput, input);
-}
-
-bool LawContext::readsVelocities(const Expression& formula) const {
-  Graph& graph = *context_.graph();
-  return expression::reads(graph, {formula.in(graph)}, Source::kVelocity);
+  const int input = addInput(readCommandInput(parameters(), name(), range));
+  return variable(*this, Source::kInput, input);
 }
 
 Expression LawContext::time() {
-  return variable(context_, Source::kTime);
+  return variable(*this, Source::kTime);
 }
 
 Expression LawContext::function(std::shared_ptr<const OpaqueFunction> f,
                                 std::vector<Expression> arguments) {
   if (f == nullptr) {
-    throw SceneError(place_,
+    throw SceneError(place(),
                      "its opaque function is a null pointer; allowed: an object of a class "
                      "derived from variator_sim::OpaqueFunction");
   }
   const auto count = static_cast<std::size_t>(f->argumentCount());
   if (arguments.size() != count) {
-    throw SceneError(place_, "its opaque function takes " + std::to_string(count) +
-                                 (count == 1 ? " argument" : " arguments") + ", not " +
-                                 std::to_string(arguments.size()));
+    throw SceneError(place(), "its opaque function takes " + std::to_string(count) +
+                                  (count == 1 ? " argument" : " arguments") + ", not " +
+                                  std::to_string(arguments.size()));
   }
-  Graph& graph = *context_.graph();
+  Graph& graph = *ComponentContext::graph();
   expression::Node nodes[OpaqueFunction::kMostArguments];
   for (std::size_t i = 0; i < count; ++i) nodes[i] = arguments[i].in(graph);
-  const std::shared_ptr<const GuardedFunction> guarded =
-      guard(graph, std::move(f), context_.libraries());
+  const std::shared_ptr<const GuardedFunction> guarded = guard(graph, std::move(f), libraries());
   const Expression value(graph, graph.opaque(guarded, nodes));
   if (value.isConstant() && !guarded->thrown().empty()) {
-    throw SceneError(place_,
+    throw SceneError(place(),
                      "its opaque function threw, at constant arguments: " + guarded->thrown());
   }
   return value;
 }
 
 Expression LawContext::lookUp(const Table& table, const Expression& x) {
-  Graph& graph = *context_.graph();
+  Graph& graph = *ComponentContext::graph();
   return {graph, graph.table(std::make_shared<const Table>(table), x.in(graph))};
 }
 
@@ -186,42 +203,36 @@ Expression LawContext::smoothStep(const Expression& x, double begin, double end)
   return lookUp(Table::through({begin, end}, {0.0, 1.0}, Table::Beyond::kConstant), x);
 }
 
-void Law::configure(ComponentContext& context) {
-  name_ = context.name();
-  shaft_count_ = context.shaftCount();
-  graph_ = context.graph();
-  LawContext law(context);
+void Law::configure(LawContext& law) {
+  name_ = law.name();
+  shaft_count_ = law.shaftCount();
+  graph_ = law.graph();
   build(law);
   holdings_ = law.holdings();
-  derive(law, context);
-  switching_functions_ = expression::countSwitchingFunctions(*graph_, formulas_);
-  outputs_ = NamedOutputs(law);
-}
-
-NamedOutputs::NamedOutputs(const LawContext& law) {
-  Graph& graph = *law.component().graph();
+  derive(law);
+  std::vector<expression::Node> values;
   for (const auto& [name, value] : law.outputs()) {
-    names_.push_back(name);
-    nodes_.push_back(value.in(graph));
+    values.push_back(value.in(*graph_));
+    outputs_.emplace_back(name, values.back());
   }
-  tape_ = expression::Tape(graph, nodes_);
+  outputs_program_ = expression::Tape(*graph_, values);
 }
 
 Expression LawContext::side() {
-  const int number = context_.graph()->countHold();
+  const int number = graph()->countHold();
   if (number >= kMaxHolds) {
-    throw SceneError(place_, "is one element that holds too many; allowed: " +
-                                 std::to_string(kMaxHolds) + " in one scene");
+    throw SceneError(place(), "is one element that holds too many; allowed: " +
+                                  std::to_string(kMaxHolds) + " in one scene");
   }
-  return variable(context_, Source::kInput, kMaxInputs + number);
+  return variable(*this, Source::kInput, kMaxInputs + number);
 }
 
 void LawContext::hold(const Holding& holding) {
-  Graph& graph = *context_.graph();
+  Graph& graph = *ComponentContext::graph();
   const expression::Node slip = holding.slip.in(graph);
   holdings_.push_back(holding);
   if (holding.losses) return;
-  for (int i = 0; i < context_.shaftCount(); ++i) {
+  for (int i = 0; i < shaftCount(); ++i) {
     const Shaft shaft = shaftAt(i);
     const Expression C(graph, graph.differentiate(slip, slotOf(Source::kVelocity, i)));
     if (!C.isConstant() || C.value() != 0.0) apply(shaft, -C * holding.torque);

@@ -29,26 +29,26 @@ void addTo(double* shafts, const std::vector<Torque::ShaftNode>& formulas, const
 
 }  // namespace
 
-void Torque::derive(const LawContext& law, const ComponentContext& context) {
+void Torque::derive(const LawContext& law) {
   Graph& graph = Law::graph();
   for (const auto& [shaft, torque] : law.torques()) {
     torques_.emplace_back(shaft, torque.in(graph));
   }
 
   // Q' = dQ/dt + dQ/dphi omega + dQ/domega epsilon + dQ/du u'
+  setFormulas(nodesOf(torques_));
   const std::vector<Graph::Rate> motion =
-      expression::ratesOf(graph, shaftCount(), context.usedInputs());
+      expression::ratesOf(graph, shaftCount(), expression::inputsIn(graph, formulas()));
   for (const auto& [shaft, torque] : torques_) {
     const Node rate = graph.totalDerivative(torque, motion);
     if (graph.hasNonFiniteConstant({rate})) {
       throw SceneError(law.place(),
                        "the rate of its torque on shaft " +
-                           inQuotes(context.shaftNames()[static_cast<std::size_t>(shaft)]) +
+                           inQuotes(law.shaftNames()[static_cast<std::size_t>(shaft)]) +
                            " has a constant part that is not finite");
     }
     if (!graph.isConstant(rate, 0.0)) rates_.emplace_back(shaft, rate);
   }
-  setFormulas(nodesOf(torques_));
   torque_ = Tape(graph, formulas());
   rate_ = Tape(graph, nodesOf(rates_));
 }

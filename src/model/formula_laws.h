@@ -39,11 +39,6 @@ inline std::vector<expression::Graph::Rate> ratesOfAll(expression::Graph& graph,
   return expression::ratesOf(graph, scene.shaftCount(), inputs);
 }
 
-/// psi, f' of order 1, c0 of order 3.
-inline expression::Node residualOf(const Constraint& constraint) {
-  return constraint.order() == 3 ? constraint.row().back() : constraint.secondOrder();
-}
-
 /// A way in which an element holds. Losses of constraint `load` are one, too: while they slide to
 /// the side s = 1 or -1 their torque is
 ///     T = slope[k] lambda + s base[k],  that of the larger s T.
@@ -65,29 +60,27 @@ inline std::vector<SceneHold> collectHolds(const Scene& scene) {
     return it ? it->in(graph) : graph.constant(0.0);
   };
   std::vector<SceneHold> holds;
-  const auto add = [&](const Law& element, int load) {
-    for (const Holding& law : element.holdings()) {
-      SceneHold hold;
-      hold.element = &element;
-      hold.law = law;
-      hold.slip = law.slip.in(graph);
-      hold.torque = law.torque.in(graph);
-      hold.side = law.side.in(graph);
-      hold.upper = nodeOf(law.upper);
-      hold.lower = nodeOf(law.lower);
-      hold.level = nodeOf(law.level);
-      hold.gap = nodeOf(law.gap);
-      hold.load = load;
+  int load = -static_cast<int>(scene.torques.size());
+  for (const Law* element : scene.laws()) {
+    for (const Holding& law : element->holdings()) {
+      holds.push_back({element,
+                       law,
+                       law.slip.in(graph),
+                       law.torque.in(graph),
+                       law.side.in(graph),
+                       nodeOf(law.upper),
+                       nodeOf(law.lower),
+                       nodeOf(law.level),
+                       nodeOf(law.gap),
+                       std::max(load, -1),
+                       {},
+                       {}});
       for (int k = 0; k < 2 && law.losses; ++k) {
-        hold.slope[k] = law.losses->slope[k].in(graph);
-        hold.base[k] = law.losses->base[k].in(graph);
+        holds.back().slope[k] = law.losses->slope[k].in(graph);
+        holds.back().base[k] = law.losses->base[k].in(graph);
       }
-      holds.push_back(hold);
     }
-  };
-  for (const TorquePtr& torque : scene.torques) add(*torque, -1);
-  for (int m = 0; m < scene.constraintCount(); ++m) {
-    add(*scene.constraints[static_cast<std::size_t>(m)], m);
+    ++load;
   }
   return holds;
 }
@@ -96,17 +89,16 @@ inline std::vector<SceneHold> collectHolds(const Scene& scene) {
 inline expression::Node addHarmonics(expression::Graph& graph, const Scene& scene, int i,
                                      expression::Node first) {
   if (scene.inertia_harmonics.empty()) return first;
-  using expression::Operation;
-  expression::Node sum = first;
-  const expression::Node angle = graph.variable(slotOf(expression::Source::kAngle, i));
+  const Expression angle(graph, graph.variable(slotOf(expression::Source::kAngle, i)));
+  Expression sum(graph, first);
   for (const InertiaHarmonic& it : scene.inertia_harmonics[static_cast<std::size_t>(i)]) {
-    const expression::Node phase = graph.multiply(graph.constant(it.order), angle);
-    const expression::Node cosine = graph.make(Operation::kCos, phase);
-    const expression::Node sine = graph.make(Operation::kSin, phase);
-    sum = graph.add(sum, graph.multiply(graph.constant(it.cosine), cosine));
-    sum = graph.add(sum, graph.multiply(graph.constant(it.sine), sine));
+    const Expression phase = it.order * angle;
+    const Expression cosine = cos(phase);
+    const Expression sine = sin(phase);
+    sum += it.cosine * cosine;
+    sum += it.sine * sine;
   }
-  return sum;
+  return sum.in(graph);
 }
 
 /// The entries of J, row by row.
@@ -146,33 +138,37 @@ class GeneralInertia {
         rates_(ratesOfAll(graph, scene)) {}
   expression::Node entry(int i, int j) const { return J_.data()[S * i + j]; }
   expression::Node inertialTorque(int i) const {
-    expression::Node sum = graph_.constant(0.0);
+    Expression sum = 0.0;
     for (int j = 0; j < S; ++j) {
-      const expression::Node J_rate = graph_.totalDerivative(entry(i, j), rates_);
-      sum = graph_.add(sum, graph_.multiply(J_rate, omega(j)));
+      const Expression J_rate = rate(i, j);
+      sum += J_rate * omega(j);
       for (int k = 0; k < S; ++k) {
-        const expression::Node half = graph_.multiply(graph_.constant(-0.5), slope(i, j, k));
-        sum = graph_.add(sum, graph_.multiply(half, graph_.multiply(omega(j), omega(k))));
+        const Expression half = -0.5 * slope(i, j, k);
+        sum += half * (omega(j) * omega(k));
       }
     }
-    return sum;
+    return sum.in(graph_);
   }
   expression::Node connection(int i, int j) const {
-    expression::Node sum = graph_.totalDerivative(entry(i, j), rates_);
+    Expression sum = rate(i, j);
     for (int k = 0; k < S; ++k) {
-      const expression::Node turn = graph_.subtract(slope(i, j, k), slope(j, i, k));
-      sum = graph_.add(sum, graph_.multiply(turn, omega(k)));
+      const Expression turn = slope(i, j, k) - slope(j, i, k);
+      sum += turn * omega(k);
     }
-    return graph_.multiply(graph_.constant(0.5), sum);
+    return (0.5 * sum).in(graph_);
   }
 
  private:
-  expression::Node omega(int i) const {
-    return graph_.variable(slotOf(expression::Source::kVelocity, i));
+  Expression omega(int i) const {
+    return {graph_, graph_.variable(slotOf(expression::Source::kVelocity, i))};
+  }
+  /// J'_ij
+  Expression rate(int i, int j) const {
+    return {graph_, graph_.totalDerivative(entry(i, j), rates_)};
   }
   /// d_i J_jk
-  expression::Node slope(int i, int j, int k) const {
-    return graph_.differentiate(entry(j, k), slotOf(expression::Source::kAngle, i));
+  Expression slope(int i, int j, int k) const {
+    return {graph_, graph_.differentiate(entry(j, k), slotOf(expression::Source::kAngle, i))};
   }
 
   expression::Graph& graph_;

@@ -1,6 +1,5 @@
-#include "variator_sim/output.h"
-
 #include "variator_sim/expression/parser.h"
+#include "variator_sim/scene.h"
 #include "variator_sim/units.h"
 
 namespace variator_sim {

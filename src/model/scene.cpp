@@ -2,72 +2,51 @@
 
 #include <cmath>
 #include <exception>
-#include <iterator>
 #include <limits>
+#include <map>
 #include <optional>
-#include <set>
 
 #include "model/scene_readers.h"
 #include "model/thrown.h"
+#include "variator_sim/expression/guards.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/interruption.h"
 
 namespace variator_sim {
 namespace {
 
-/// The words of scenes for values.
-template <class Value>
-using Word = std::pair<const char*, Value>;
-
-constexpr Word<Principle> kPrinciples[] = {{"generalized_gauss", Principle::kGeneralizedGauss},
-                                           {"gauss", Principle::kGauss}};
-constexpr Word<StepperKind> kSteppers[] = {{"auto", StepperKind::kAuto},
-                                           {"rk4", StepperKind::kRk4},
-                                           {"dopri5", StepperKind::kDopri5},
-                                           {"fehlberg78", StepperKind::kFehlberg78},
-                                           {"radau", StepperKind::kRadau},
-                                           {"taylor", StepperKind::kTaylor},
-                                           {"taylor_fixed", StepperKind::kTaylorFixed}};
-constexpr Word<MachineCode> kMachineCodes[] = {
+const Choices<Principle> kPrinciples{{"generalized_gauss", Principle::kGeneralizedGauss},
+                                     {"gauss", Principle::kGauss}};
+const Choices<StepperKind> kSteppers{{"auto", StepperKind::kAuto},
+                                     {"rk4", StepperKind::kRk4},
+                                     {"dopri5", StepperKind::kDopri5},
+                                     {"fehlberg78", StepperKind::kFehlberg78},
+                                     {"radau", StepperKind::kRadau},
+                                     {"taylor", StepperKind::kTaylor},
+                                     {"taylor_fixed", StepperKind::kTaylorFixed}};
+const Choices<MachineCode> kMachineCodes{
     {"auto", MachineCode::kAuto}, {"never", MachineCode::kNever}, {"always", MachineCode::kAlways}};
 
-template <class Value, std::size_t count>
-const char* wordOf(const Word<Value> (&words)[count], Value value) {
+template <class Value>
+const char* wordOf(const Choices<Value>& words, Value value) {
   for (const auto& [word, meaning] : words) {
     if (meaning == value) return word;
   }
   return "";
 }
 
-template <class Value, std::size_t count>
-std::vector<std::string> namesOf(const Word<Value> (&words)[count]) {
-  std::vector<std::string> names;
-  for (const auto& word : words) names.emplace_back(word.first);
-  return names;
-}
-
-template <class Value, std::size_t count>
-Value readWord(ParameterReader& reader, const char* key, const Word<Value> (&words)[count],
-               Value preset) {
-  const std::string chosen = reader.choice(key, namesOf(words), wordOf(words, preset));
-  return std::find_if(std::begin(words), std::end(words),
-                      [&](const auto& word) { return chosen == word.first; })
-      ->second;
-}
-
-/// Steppers of earlier versions and their successors.
-constexpr Word<const char*> kRemovedSteppers[] = {
-    {"rosenbrock4", "radau"},  {"rosenbrock4_fixed", "radau"}, {"radau5", "radau"},
-    {"radau5_fixed", "radau"}, {"dop853", "fehlberg78"},       {"dopri5_fixed", "rk4"}};
-
+/// Refuses the steppers of earlier versions, of which some have a successor.
 void refuseRemovedStepper(ParameterReader& reader) {
+  static const std::map<std::string, std::string> kSuccessors{
+      {"rosenbrock4", "radau"},  {"rosenbrock4_fixed", "radau"}, {"radau5", "radau"},
+      {"radau5_fixed", "radau"}, {"dop853", "fehlberg78"},       {"dopri5_fixed", "rk4"}};
   const ParameterTree* given = reader.raw("stepper");
-  if (given == nullptr || given->kind() != ParameterTree::Kind::kText) return;
-  for (const auto& [name, successor] : kRemovedSteppers) {
-    if (given->asText() != name) continue;
-    throw reader.error("stepper", inQuotes(name) + " was removed; use " + inQuotes(successor) +
-                                      "; allowed: " + joinNames(namesOf(kSteppers)));
-  }
+  const auto found = kSuccessors.find(given != nullptr ? given->asText() : "");
+  if (found == kSuccessors.end()) return;
+  std::vector<std::string> allowed;
+  for (const auto& it : kSteppers) allowed.emplace_back(it.first);
+  throw reader.error("stepper", inQuotes(found->first) + " was removed; use " +
+                                    inQuotes(found->second) + "; allowed: " + joinNames(allowed));
 }
 
 SolverSettings readSolver(ParameterReader& root) {
@@ -75,7 +54,7 @@ SolverSettings readSolver(ParameterReader& root) {
   if (!root.has("solver")) return settings;
   ParameterReader reader = root.section("solver");
   refuseRemovedStepper(reader);
-  settings.stepper = readWord(reader, "stepper", kSteppers, settings.stepper);
+  settings.stepper = reader.choice("stepper", kSteppers, "auto");
   // A step cannot be controlled to tolerances closer to round-off than this.
   settings.relative_tolerance =
       reader.number("relative_tolerance", Range::between(1e-14, 0.1), settings.relative_tolerance);
@@ -87,7 +66,7 @@ SolverSettings readSolver(ParameterReader& root) {
   settings.maximum_steps =
       reader.integer("maximum_steps", 1, std::numeric_limits<int>::max(), settings.maximum_steps);
   settings.sleep = reader.boolean("sleep", settings.sleep);
-  settings.machine_code = readWord(reader, "machine_code", kMachineCodes, settings.machine_code);
+  settings.machine_code = reader.choice("machine_code", kMachineCodes, "auto");
   reader.finish();
   return settings;
 }
@@ -111,20 +90,29 @@ InitialConditions readInitial(ParameterReader& root, std::size_t shaft_count) {
 }
 
 /// A kind of component, as the scene and the factory know it.
+template <class Component>
 struct ComponentKind {
   const char* name;
   const char* list;
   std::vector<std::string> columns;  ///< NAME/COLUMN of each component, taken for outputs
+  std::shared_ptr<Component> (ComponentFactory::*create)(const std::string& type);
   /// Called only when a message needs the types: a factory may have to search for plugins.
   std::vector<std::string> (ComponentFactory::*types)();
 };
-const ComponentKind kTorqueKind{"torque", "torques", {"power"}, &ComponentFactory::torqueTypes};
-const ComponentKind kConstraintKind{
-    "constraint", "constraints", {"residual", "multiplier"}, &ComponentFactory::constraintTypes};
+const ComponentKind<Torque> kTorqueKind{"torque",
+                                        "torques",
+                                        {"power"},
+                                        &ComponentFactory::createTorque,
+                                        &ComponentFactory::torqueTypes};
+const ComponentKind<Constraint> kConstraintKind{"constraint",
+                                                "constraints",
+                                                {"residual", "multiplier"},
+                                                &ComponentFactory::createConstraint,
+                                                &ComponentFactory::constraintTypes};
 
-[[noreturn]] void throwUnknownType(const ComponentKind& kind, const ComponentKind& other,
-                                   ComponentFactory& factory, const std::string& path,
-                                   const std::string& type) {
+template <class Kind, class Other>
+[[noreturn]] void throwUnknownType(const Kind& kind, const Other& other, ComponentFactory& factory,
+                                   const std::string& path, const std::string& type) {
   const std::vector<std::string> types = (factory.*kind.types)();
   const std::vector<std::string> others = (factory.*other.types)();
   if (contains(others, type)) {
@@ -143,30 +131,29 @@ const ComponentKind kConstraintKind{
 }
 
 /// Rejects outputs whose columns NAME/OUTPUT are taken.
-void checkOutputNames(const std::string& component, const ComponentKind& kind,
-                      const std::vector<std::string>& outputs) {
-  std::vector<std::string> taken = kind.columns;
-  for (const std::string& output : outputs) {
-    if (!isName(output) || contains(taken, output)) {
-      throw SceneError(component, "states an output " + inQuotes(output) +
-                                      " (outputNames); allowed: letters, digits and '_', starting "
-                                      "with a letter, each name once, and none of " +
-                                      joinNames(kind.columns));
+void checkOutputNames(const Law& law, const std::vector<std::string>& columns) {
+  std::vector<std::string> taken = columns;
+  for (const auto& it : law.outputs()) {
+    if (!isName(it.first) || contains(taken, it.first)) {
+      throw SceneError(law.name(), "states an output " + inQuotes(it.first) +
+                                       " (outputNames); allowed: letters, digits and '_', starting "
+                                       "with a letter, each name once, and none of " +
+                                       joinNames(columns));
     }
-    taken.push_back(output);
+    taken.push_back(it.first);
   }
 }
 
-/// Makes and configures components of one kind; `create` makes one of a type.
-template <typename Create>
-auto readComponent(const std::string& name, ParameterReader& root, const ComponentKind& kind,
-                   const ComponentKind& other, ComponentFactory& factory, Create create,
-                   Scene* scene, std::set<int>* used_inputs = nullptr) {
+/// Makes and configures a component of one kind.
+template <class Component, class Other>
+std::shared_ptr<Component> readComponent(const std::string& name, ParameterReader& root,
+                                         const ComponentKind<Component>& kind, const Other& other,
+                                         ComponentFactory& factory, Scene* scene) {
   ParameterReader reader = root.section(name);
   const std::string type = reader.text("type");
-  decltype(create(type)) component;
+  std::shared_ptr<Component> component;
   try {
-    component = create(type);
+    component = (factory.*kind.create)(type);
   } catch (...) {
     throw reader.error("type", inQuotes(type) + " cannot be loaded: " + describeThrown());
   }
@@ -174,10 +161,11 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
     throwUnknownType(kind, other, factory, reader.keyPath("type"), type);
   }
 
-  ComponentContext context = contextOf(name, reader, scene, factory.libraries());
+  LawContext law(name, reader, scene->shafts, scene->inputs, scene->symbols, scene->graph,
+                 factory.libraries());
   endIfInterrupted();
   try {
-    component->configure(context);
+    component->configure(law);
   } catch (const SceneError& error) {
     // An error of the whole component follows from its numbers.
     if (error.keyPath() != name) throw;
@@ -188,19 +176,17 @@ auto readComponent(const std::string& name, ParameterReader& root, const Compone
     throw SceneError(name, inQuotes(type) + " cannot be configured: " + describeThrown());
   }
   reader.finish();
-  const std::vector<std::string>& warnings = context.warnings();
+  const std::vector<std::string>& warnings = law.warnings();
   scene->warnings.insert(scene->warnings.end(), warnings.begin(), warnings.end());
-  if (used_inputs != nullptr) *used_inputs = context.usedInputs();
-  checkOutputNames(name, kind, component->outputs().names());
+  checkOutputNames(*component, kind.columns);
   return component;
 }
 
 /// Rejects inputs without two derivatives: a constraint of order 1 is differentiated twice, so a
 /// jump of u or u' would need an impulse.
-void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene,
-                         const std::set<int>& used_inputs) {
+void checkInputsOfOrder1(const Constraint& constraint, const Scene& scene) {
   if (constraint.order() != 1) return;
-  for (const int index : used_inputs) {
+  for (const int index : expression::inputsIn(*scene.graph, {constraint.function()})) {
     const CommandInputSettings& input = scene.inputs[static_cast<std::size_t>(index)];
     if (input.hold == Hold::kSecondOrderLag) continue;
     if (input.kind != InputKind::kCommanded) {
@@ -318,19 +304,15 @@ void readComponents(ParameterReader& root, const SceneNames& names, ComponentFac
                     Scene* scene, Faults* faults) {
   for (const std::string& name : names.torques) {
     faults->collect([&] {
-      scene->torques.push_back(readComponent(
-          name, root, kTorqueKind, kConstraintKind, factory,
-          [&](const std::string& type) { return factory.createTorque(type); }, scene));
+      scene->torques.push_back(
+          readComponent(name, root, kTorqueKind, kConstraintKind, factory, scene));
     });
   }
   for (const std::string& name : names.constraints) {
     faults->collect([&] {
-      std::set<int> used_inputs;
-      scene->constraints.push_back(readComponent(
-          name, root, kConstraintKind, kTorqueKind, factory,
-          [&](const std::string& type) { return factory.createConstraint(type); }, scene,
-          &used_inputs));
-      checkInputsOfOrder1(*scene->constraints.back(), *scene, used_inputs);
+      scene->constraints.push_back(
+          readComponent(name, root, kConstraintKind, kTorqueKind, factory, scene));
+      checkInputsOfOrder1(*scene->constraints.back(), *scene);
     });
   }
 }
@@ -351,11 +333,14 @@ void readOutputs(ParameterReader& root, const SceneNames& names, Scene* scene, F
 }
 
 /// Limits the number of switching functions: each step is searched for the zeros of each, if
-/// necessary in thousands of parts, so more of them would keep one step busy for minutes.
+/// necessary in thousands of parts, so more of them would keep one step busy for minutes. (Steps
+/// end there, because an error estimate across a kink is unreliable.)
 void checkEdges(const Scene& scene) {
   constexpr std::size_t kMostEdges = 500;
   std::size_t count = 0;
-  for (const Law* law : scene.laws()) count += law->switchingFunctions();
+  for (const Law* law : scene.laws()) {
+    count += expression::countSwitchingFunctions(*scene.graph, law->formulas());
+  }
   if (count <= kMostEdges) return;
   throw SceneError("", "abs, min, max, sign, clamp, if, tables and laws that switch make " +
                            std::to_string(count) +
@@ -398,7 +383,7 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
     has_inertia = true;
   });
   faults.collect(
-      [&] { scene.principle = readWord(root, "principle", kPrinciples, scene.principle); });
+      [&] { scene.principle = root.choice("principle", kPrinciples, "generalized_gauss"); });
   faults.collect([&] { scene.initial = readInitial(root, scene.shafts.size()); });
   faults.collect([&] { scene.solver = readSolver(root); });
   faults.collect([&] { verify_derivatives = root.boolean("verify_derivatives", true); });

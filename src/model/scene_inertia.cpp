@@ -350,7 +350,7 @@ Node readEntry(ParameterReader& reader, const std::string& name, const std::stri
                      "reads a velocity; allowed: angles, t, inputs and tables, for T = 1/2 "
                      "omega^T J omega has J(phi, t)");
   }
-  for (const int n : context.usedInputs()) {
+  for (const int n : expression::inputsIn(graph, {entry})) {
     const CommandInputSettings& input = scene->inputs[static_cast<std::size_t>(n)];
     if (input.kind == InputKind::kCommanded && input.hold == Hold::kSecondOrderLag) continue;
     throw SceneError(path, "reads " + inQuotes(input.name) +

@@ -5,7 +5,7 @@
 
 #include "model/formula_laws.h"
 #include "model/scene_readers.h"
-#include "variator_sim/expression/rates.h"
+#include "variator_sim/expression/tape.h"
 
 namespace variator_sim {
 namespace {
@@ -232,101 +232,87 @@ class Reactions {
 
 /// The torque of an element on a shaft, with that which its stuck parts hold with:
 ///     Q_i + sum C_i lambda
-Node torqueOn(const Scene& scene, const Torque& element, int shaft, Node applied, int first_hold) {
-  Graph& graph = *scene.graph;
-  Node sum = applied;
+Expression torqueOn(Graph& graph, const Torque& element, int shaft, Node applied, int first_hold) {
+  Expression sum(graph, applied);
   for (const Holding& it : element.holdings()) {
-    const Node C = graph.differentiate(it.slip.in(graph), slotOf(Source::kVelocity, shaft));
-    const Node lambda =
-        graph.variable(slotOf(Source::kHeld, heldSlot(HeldValue::kMultiplier, first_hold++)));
-    sum = graph.add(sum, graph.multiply(C, lambda));
+    const int velocity = slotOf(Source::kVelocity, shaft);
+    const Expression C(graph, graph.differentiate(it.slip.in(graph), velocity));
+    const int lambda = slotOf(Source::kHeld, heldSlot(HeldValue::kMultiplier, first_hold++));
+    sum += C * Expression(graph, graph.variable(lambda));
   }
   return sum;
 }
 
-/// Names formulas in the scene's symbols.
-class ObserverNames {
- public:
-  ObserverNames(Scene* scene, bool knows_rates)
-      : scene_(scene), reactions_(std::make_shared<Reactions>(scene, knows_rates)) {}
+using Name = std::function<void(const std::string&, std::function<Node()>)>;
 
-  void nameTorque(const Torque* it) {
-    Scene* const scene = scene_;
-    const int first = held_;
-    addOutputs(*it);
-    addHolds(*it);
-    add(it->name() + "_power", [scene, it, first] {
-      Node power = scene->graph->constant(0.0);
-      for (const auto& [shaft, value] : it->torques()) {
-        const Node velocity = scene->graph->variable(slotOf(Source::kVelocity, shaft));
-        const Node whole = torqueOn(*scene, *it, shaft, value, first);
-        power = scene->graph->add(power, scene->graph->multiply(whole, velocity));
-      }
-      return power;
-    });
-    if (it->torques().empty()) return;
-    add(it->name() + "_torque", [scene, it, first] {
-      const auto& [shaft, value] = it->torques()[0];
-      return torqueOn(*scene, *it, shaft, value, first);
+/// Names the outputs of an element and what it holds with; returns the number of its holds.
+int nameLaw(const Law& element, int first_hold, const Name& add) {
+  Graph& graph = element.graph();
+  for (const auto& [name, node] : element.outputs()) {
+    add(element.name() + "_" + name, [value = node] { return value; });
+  }
+  int hold = first_hold;
+  for (const Holding& it : element.holdings()) {
+    std::string name = element.nameOf(it);
+    std::replace(name.begin(), name.end(), '/', '_');
+    const Node slip = it.slip.in(graph);
+    const int mode = slotOf(Source::kHeld, heldSlot(HeldValue::kMode, hold));
+    const int multiplier = slotOf(Source::kHeld, heldSlot(HeldValue::kMultiplier, hold++));
+    add(name + "_slip", [slip] { return slip; });
+    add(name + "_mode", [&graph, mode] { return graph.variable(mode); });
+    if (it.losses) continue;
+    add(name + "_torque", [&graph, slides = it.torque.in(graph), multiplier] {
+      return graph.subtract(slides, graph.variable(multiplier));
     });
   }
-  void nameConstraint(int m) {
-    const Constraint& constraint = *scene_->constraints[at(m)];
-    addOutputs(constraint);
-    addHolds(constraint);
-    add(constraint.name() + "_multiplier", [it = reactions_, m] { return it->multiplier(m); });
-  }
-  void nameShaft(int i) {
-    const std::string& shaft = scene_->shafts[at(i)];
-    add("R_" + shaft, [it = reactions_, i] { return it->reaction(i); });
-    add("Rr_" + shaft, [it = reactions_, i] { return it->reactionRate(i); });
-    add("j_" + shaft, [it = reactions_, i] { return it->jerk(i); });
-  }
+  return hold - first_hold;
+}
 
- private:
-  void add(const std::string& name, std::function<Node()> make) {
-    // (An input that has such a name keeps it.)
-    SceneSymbols& symbols = scene_->symbols;
-    if (symbols.inputs.count(name) == 0 && symbols.played.count(name) == 0)
-      symbols.observed.emplace(name, std::move(make));
-  }
-  void addOutputs(const Law& element) {
-    const NamedOutputs& outputs = element.outputs();
-    for (std::size_t i = 0; i < outputs.names().size(); ++i) {
-      add(element.name() + "_" + outputs.names()[i], [node = outputs.nodes()[i]] { return node; });
+void nameTorque(const Torque* it, int first_hold, const Name& add) {
+  Graph& graph = it->graph();
+  add(it->name() + "_power", [&graph, it, first_hold] {
+    Expression power = 0.0;
+    for (const auto& [shaft, value] : it->torques()) {
+      const Expression velocity(graph, graph.variable(slotOf(Source::kVelocity, shaft)));
+      power += torqueOn(graph, *it, shaft, value, first_hold) * velocity;
     }
-  }
-  void addHolds(const Law& element) {
-    Graph& graph = *scene_->graph;
-    for (const Holding& it : element.holdings()) {
-      std::string name = element.nameOf(it);
-      std::replace(name.begin(), name.end(), '/', '_');
-      const Node slip = it.slip.in(graph);
-      const int slot = slotOf(Source::kHeld, heldSlot(HeldValue::kMode, held_));
-      const int multiplier = slotOf(Source::kHeld, heldSlot(HeldValue::kMultiplier, held_++));
-      add(name + "_slip", [slip] { return slip; });
-      add(name + "_mode", [&graph, slot] { return graph.variable(slot); });
-      if (it.losses) continue;
-      const Node slides = it.torque.in(graph);
-      add(name + "_torque", [&graph, slides, multiplier] {
-        return graph.subtract(slides, graph.variable(multiplier));
-      });
-    }
-  }
-
-  Scene* scene_;
-  std::shared_ptr<Reactions> reactions_;
-  int held_ = 0;  ///< elements that hold, so far
-};
+    return power.in(graph);
+  });
+  if (it->torques().empty()) return;
+  add(it->name() + "_torque", [&graph, it, first_hold] {
+    const auto& [shaft, value] = it->torques()[0];
+    return torqueOn(graph, *it, shaft, value, first_hold).in(graph);
+  });
+}
 
 }  // namespace
 
 void nameObservers(Scene* scene, bool knows_rates) {
-  scene->symbols.observed.clear();
-  ObserverNames names(scene, knows_rates);
-  for (const TorquePtr& torque : scene->torques) names.nameTorque(torque.get());
-  for (int m = 0; m < scene->constraintCount(); ++m) names.nameConstraint(m);
-  for (int i = 0; i < scene->shaftCount(); ++i) names.nameShaft(i);
+  SceneSymbols& symbols = scene->symbols;
+  symbols.observed.clear();
+  const Name add = [&symbols](const std::string& name, std::function<Node()> make) {
+    // (An input that has such a name keeps it.)
+    if (symbols.inputs.count(name) == 0 && symbols.played.count(name) == 0)
+      symbols.observed.emplace(name, std::move(make));
+  };
+  const auto reactions = std::make_shared<Reactions>(scene, knows_rates);
+  int held = 0;  // elements that hold, so far
+  for (const TorquePtr& torque : scene->torques) {
+    const int first = held;
+    held += nameLaw(*torque, first, add);
+    nameTorque(torque.get(), first, add);
+  }
+  for (int m = 0; m < scene->constraintCount(); ++m) {
+    const Constraint& constraint = *scene->constraints[at(m)];
+    held += nameLaw(constraint, held, add);
+    add(constraint.name() + "_multiplier", [reactions, m] { return reactions->multiplier(m); });
+  }
+  for (int i = 0; i < scene->shaftCount(); ++i) {
+    const std::string& shaft = scene->shafts[at(i)];
+    add("R_" + shaft, [reactions, i] { return reactions->reaction(i); });
+    add("Rr_" + shaft, [reactions, i] { return reactions->reactionRate(i); });
+    add("j_" + shaft, [reactions, i] { return reactions->jerk(i); });
+  }
 }
 
 }  // namespace variator_sim

@@ -9,10 +9,9 @@
 
 namespace variator_sim {
 
-/// The context of what `reader` has, which must outlive it: a component, or formulas.
-inline ComponentContext contextOf(const std::string& name, ParameterReader& reader, Scene* scene,
-                                  const std::shared_ptr<const void>& libraries = nullptr) {
-  return {name, reader, scene->shafts, scene->inputs, scene->symbols, scene->graph, libraries};
+/// The context of the formulas that `reader` has, which must outlive it.
+inline ComponentContext contextOf(const std::string& name, ParameterReader& reader, Scene* scene) {
+  return {name, reader, scene->shafts, scene->inputs, scene->symbols, scene->graph};
 }
 
 // scene_names.cpp

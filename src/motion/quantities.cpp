@@ -36,9 +36,8 @@ Quantities::Quantities(const Scene& scene)
     principle.emplace_back(measure);
   }
   const auto add_outputs = [&names = names](const auto& element) {
-    const std::vector<std::string>& its = element.outputs().names();
-    for (const std::string& output : its) names.push_back(element.name() + "/" + output);
-    return its.size();
+    for (const auto& it : element.outputs()) names.push_back(element.name() + "/" + it.first);
+    return element.outputs().size();
   };
   const auto add_holds = [&names = names](const Law& element) {
     for (const Holding& it : element.holdings()) {
@@ -162,14 +161,14 @@ void Quantities::calcElements(const StateView& state, double* values) const {
     *values++ = power;
     values = writeHolds(held, holds, values);
     held += holds;
-    scene_.torques[j]->outputs().evaluate(state, values);
+    scene_.torques[j]->calcOutputs(state, values);
     values += torque_outputs_[j];
   }
   for (std::size_t m = 0; m < scene_.constraints.size(); ++m) {
     const std::size_t holds = held != nullptr ? scene_.constraints[m]->holdings().size() : 0;
     values = writeHolds(held, holds, values);
     held += holds;
-    scene_.constraints[m]->outputs().evaluate(state, values);
+    scene_.constraints[m]->calcOutputs(state, values);
     values += constraint_outputs_[m];
   }
 }

@@ -69,7 +69,7 @@ void addConstraint(const Scene& scene, const ConstraintPtr& constraint, SceneFor
                      "that is smooth in the accelerations, sqrt(x^2+1e-12) for abs(x)");
   }
   const Node function = constraint->function();
-  made.residual.push_back(residualOf(*constraint));
+  made.residual.push_back(constraint->residual());
   made.velocity_residual.push_back(constraint->order() == 1 ? function : zero);
   made.entry.insert(made.entry.end(), constraint->row().begin(), constraint->row().end() - 1);
   const std::vector<Node>& D = constraint->direction();

@@ -75,7 +75,7 @@ class Writer {
       }
       if (!is_classical_) add(rowSymbol(*constraint, "c0", "c_{0}"), constraint->row().back());
       if (is_classical_ && constraint->order() == 1) {
-        add(withPrime(functionSymbol(*constraint)), constraint->secondOrder());
+        add(withPrime(functionSymbol(*constraint)), constraint->residual());
       }
     }
     const auto at = [&names](int input) {
@@ -279,7 +279,7 @@ class Writer {
           std::to_string(constraint.order()));
     define(functionSymbol(constraint), constraint.function());
     if (is_classical_ && constraint.order() == 1) {
-      define(withPrime(functionSymbol(constraint)), constraint.secondOrder());
+      define(withPrime(functionSymbol(constraint)), constraint.residual());
     }
     static constexpr const char* kHighest[] = {"velocity", "acceleration", "jerk"};
     for (int i = 0; i < scene_.shaftCount(); ++i) {

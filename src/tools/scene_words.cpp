@@ -130,10 +130,7 @@ struct NamedNode {
 std::vector<NamedNode> findOutputs(const Scene& scene) {
   std::vector<NamedNode> outputs;
   for (const Law* law : scene.laws()) {
-    const NamedOutputs& of = law->outputs();
-    for (std::size_t i = 0; i < of.names().size(); ++i) {
-      outputs.push_back({law->name(), of.names()[i], of.nodes()[i]});
-    }
+    for (const auto& [name, node] : law->outputs()) outputs.push_back({law->name(), name, node});
   }
   return outputs;
 }

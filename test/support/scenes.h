@@ -138,7 +138,7 @@ inline Scene withStepper(Scene scene, StepperKind stepper) {
 inline void addTorque(Scene& scene, const TorquePtr& torque) {
   const ParameterTree none = ParameterTree::dictionary();
   ParameterReader reader(none, "added");
-  ComponentContext context("added", reader, scene.shafts, scene.inputs, scene.symbols, scene.graph);
+  LawContext context("added", reader, scene.shafts, scene.inputs, scene.symbols, scene.graph);
   torque->configure(context);
   scene.torques.push_back(torque);
 }

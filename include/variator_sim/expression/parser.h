@@ -10,7 +10,6 @@
 #include "variator_sim/component_context.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/expression/graph.h"
-#include "variator_sim/scene_symbols.h"
 
 namespace variator_sim::expression {
 

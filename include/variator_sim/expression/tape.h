@@ -1,10 +1,11 @@
-/// Formulas at run time: a program over registers.
+/// Formulas of the variables of a scene, and at run time: a program over registers.
 #pragma once
 
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <set>
 #include <vector>
 
 #include "variator_sim/expression/graph.h"
@@ -93,5 +94,49 @@ class Tape {
   /// The outputs, then one value of each node; the constants are filled in once.
   mutable std::vector<double> values_;
 };
+
+/// Returns the rates of all variables of a scene with `shaft_count` shafts, for
+/// Graph::totalDerivative: phi' = omega, omega' = epsilon, t' = 1, u' and u'' of the inputs,
+/// epsilon constant, as its rate is multiplied by C.
+inline std::vector<Graph::Rate> ratesOf(Graph& graph, int shaft_count,
+                                        const std::set<int>& inputs) {
+  std::vector<Graph::Rate> rates = {{slotOf(Source::kTime), graph.constant(1.0)}};
+  const auto add = [&](Source of, Source rate, int i) {
+    rates.emplace_back(slotOf(of, i), graph.variable(slotOf(rate, i)));
+  };
+  for (int i = 0; i < shaft_count; ++i) {
+    add(Source::kAngle, Source::kVelocity, i);
+    add(Source::kVelocity, Source::kAcceleration, i);
+  }
+  for (const int i : inputs) {
+    add(Source::kInput, Source::kInputRate, i);
+    add(Source::kInputRate, Source::kInputSecondRate, i);
+  }
+  return rates;
+}
+
+/// Returns the indices of the variables of `source` that occur in `nodes`.
+inline std::set<int> indicesIn(const Graph& graph, const std::vector<Node>& nodes, Source source) {
+  std::set<int> indices;
+  for (const int n : graph.listReachable(nodes)) {
+    const Graph::Entry& entry = graph.entry({n});
+    const bool is_its = entry.operation == Operation::kVariable && sourceOf(entry.slot) == source;
+    if (is_its) indices.insert(indexOf(entry.slot));
+  }
+  return indices;
+}
+
+/// Returns the inputs that `nodes` read, without the sides of elements that hold, which are
+/// constant between events.
+inline std::set<int> inputsIn(const Graph& graph, const std::vector<Node>& nodes) {
+  std::set<int> inputs = indicesIn(graph, nodes, Source::kInput);
+  inputs.erase(inputs.lower_bound(kMaxInputs), inputs.end());
+  return inputs;
+}
+
+/// Tells if a variable of `source` occurs in `nodes`.
+inline bool reads(const Graph& graph, const std::vector<Node>& nodes, Source source) {
+  return !indicesIn(graph, nodes, source).empty();
+}
 
 }  // namespace variator_sim::expression
