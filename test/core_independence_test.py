@@ -15,7 +15,7 @@ FOLDER = pathlib.Path(roslib.packages.get_pkg_dir(PACKAGE))
 CORE = [FOLDER / "include"] + [folder for folder in (FOLDER / "src").iterdir()
                                if folder.name not in ("plugins", "python", "ros", "tools")]
 # Headers that a core file may include beside the standard library and the project's own.
-ALLOWED = re.compile(r"(Eigen|boost|yaml-cpp|sys)/|[a-z_0-9]+(\.h)?$")
+ALLOWED = re.compile(r"((unsupported/)?Eigen|boost|yaml-cpp|sys)/|[a-z_0-9]+(\.h)?$")
 # The C++ runtime, and nothing else.
 ALLOWED_LIBRARIES = re.compile(r"(libstdc\+\+|libm|libgcc_s|libc|ld-linux.*|lib[a-z]san)\.so")
 

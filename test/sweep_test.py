@@ -233,6 +233,16 @@ class SweepTest(FolderTestCase):
                             for name in names:
                                 self.assertEqual(table[f"final({name})"][row], result[name][-1])
 
+    def test_inertias_by_formulas_of_numbers_are_those_of_each_row(self):
+        scene = {"shafts": ["a", "b"], "torques": ["m"], "constraints": ["g"],
+                 "a": {"inertia": "2*3"}, "b": {"inertia": 2.0},
+                 "m": {"type": "variator_sim/ExpressionTorque", "shaft": "a", "torque": "3"},
+                 "g": {"type": "variator_sim/KinematicRatio", "shafts": ["a", "b"], "ratio": 0.5}}
+        table = variator_sim.sweep(scene, 0.5, grid={"b/inertia": "2:6:5"}, threads=1,
+                                   metrics=["final(a/velocity)"])
+        for inertia, velocity in zip(table["b/inertia"], table["final(a/velocity)"]):
+            self.assertAlmostEqual(velocity, 0.5 * 3.0 / (6.0 + 0.25 * inertia), 12)
+
     def test_machine_code_of_one_row_serves_all_and_changes_no_bit(self):
         def run(machine_code):
             return variator_sim.sweep(SHIP, 3.0, grid={"load/inertia": [1.9, 2.0, 2.1]},

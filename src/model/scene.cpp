@@ -378,8 +378,9 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
   Faults faults;
   bool verify_derivatives = true;
   bool has_inertia = false;
+  bool has_inertia_formulas = false;
   faults.collect([&] {
-    readInertia(root, &scene);
+    has_inertia_formulas = readInertia(root, false, &scene);
     has_inertia = true;
   });
   faults.collect(
@@ -392,7 +393,7 @@ Scene readScene(const ParameterTree& given, ComponentFactory& factory, const Nod
     scene.symbols = readSceneSymbols(root, names, scene.inputs, &scene.warnings);
     declareMemory(root, names, &scene);
     has_symbols = true;
-    if (has_inertia) readInertiaFormulas(root, &scene);
+    if (has_inertia_formulas) readInertia(root, true, &scene);
   });
   // Without these names formulas would be blamed for other faults.
   if (!has_symbols) faults.tell();
@@ -420,8 +421,7 @@ void rereadNumbers(const ParameterTree& given, const NodeNames& node, Scene* sce
   const ParameterTree& tree = merged ? *merged : given;
   ParameterReader root(tree, "");
   scene->extreme_numbers = describeExtremeNumbers(tree);
-  scene->inertia_harmonics.clear();
-  readInertia(root, scene);
+  readInertia(root, true, scene);
   tieMasslessShafts(scene);
   scene->initial = readInitial(root, scene->shafts.size());
   scene->solver = readSolver(root);

@@ -1,7 +1,9 @@
 #include <algorithm>
-#include <array>
+#include <boost/math/tools/minima.hpp>
 #include <cmath>
+#include <complex>
 #include <limits>
+#include <unsupported/Eigen/FFT>
 #include <utility>
 
 #include "model/formula_laws.h"
@@ -9,7 +11,6 @@
 #include "variator_sim/expression/guards.h"
 #include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
-#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 
@@ -48,48 +49,34 @@ double calcInertia(const ShaftInertia& inertia, double angle) {
   return value;
 }
 
-/// Returns the least inertia over all angles: the best of a fine grid, refined by golden sections.
+/// Returns the least inertia over all angles: the best of a fine grid, by the inverse transform of
+/// the harmonics, refined.
 double calcLeastInertia(const ShaftInertia& inertia) {
   int highest = 1;
   for (const InertiaHarmonic& harmonic : inertia.harmonics) {
     highest = std::max(highest, harmonic.order);
   }
   const int points = 64 * highest;
+  std::vector<std::complex<double>> spectrum(static_cast<std::size_t>(points), 0.0);
+  for (const InertiaHarmonic& it : inertia.harmonics) {
+    spectrum[static_cast<std::size_t>(it.order)] = {it.cosine, -it.sine};
+  }
+  Eigen::FFT<double> transform;
+  transform.SetFlag(Eigen::FFT<double>::Unscaled);
+  std::vector<std::complex<double>> values;
+  transform.inv(values, spectrum);
+  std::size_t least = 0;
+  for (std::size_t n = 0; n < values.size(); ++n) {
+    if (!std::isfinite(values[n].real())) return std::numeric_limits<double>::quiet_NaN();
+    if (values[n].real() < values[least].real()) least = n;
+  }
   const double spacing = 2.0 * 3.14159265358979323846 / points;
-  // Angles of the grid times an order are angles of the grid: their cosines are tabulated.
-  const auto size = static_cast<std::size_t>(points);
-  std::vector<double> cosines;
-  std::vector<double> sines;
-  for (int n = 0; n < points; ++n) {
-    cosines.push_back(std::cos(n * spacing));
-    sines.push_back(std::sin(n * spacing));
-  }
-  std::vector<double> values(size, inertia.mean);
-  for (const InertiaHarmonic& harmonic : inertia.harmonics) {
-    endIfInterrupted();
-    std::size_t other = 0;
-    for (double& value : values) {
-      value += harmonic.cosine * cosines[other] + harmonic.sine * sines[other];
-      other += static_cast<std::size_t>(harmonic.order);
-      if (other >= size) other -= size;
-    }
-  }
-  if (!std::all_of(values.begin(), values.end(),
-                   [](double value) { return std::isfinite(value); })) {
-    return std::numeric_limits<double>::quiet_NaN();
-  }
-  const auto least = std::min_element(values.begin(), values.end());
-  const double best = static_cast<double>(least - values.begin()) * spacing;
-  double low = best - spacing;
-  double high = best + spacing;
-  constexpr double kGolden = 0.6180339887498949;
-  for (int n = 0; n < 60; ++n) {
-    const double left = high - kGolden * (high - low);
-    const double right = low + kGolden * (high - low);
-    (calcInertia(inertia, left) < calcInertia(inertia, right) ? high : low) =
-        calcInertia(inertia, left) < calcInertia(inertia, right) ? right : left;
-  }
-  return std::min(calcInertia(inertia, best), calcInertia(inertia, 0.5 * (low + high)));
+  const double best = static_cast<double>(least) * spacing;
+  const auto along = [&](double angle) { return calcInertia(inertia, angle); };
+  return std::min(along(best),
+                  boost::math::tools::brent_find_minima(along, best - spacing, best + spacing,
+                                                        std::numeric_limits<double>::digits)
+                      .second);
 }
 
 bool isFormula(const ParameterTree* value) {
@@ -98,17 +85,9 @@ bool isFormula(const ParameterTree* value) {
 }
 
 /// Reads a number, or {mean, harmonics: [{order, cos, sin}, ...]}; positive at every angle.
-ShaftInertia readShaftInertia(ParameterReader& root, const std::string& shaft) {
-  ParameterReader reader = root.section(shaft);
-  reader.allow("inertia");
+ShaftInertia readShaftInertia(ParameterReader& reader) {
   ShaftInertia inertia;
   const ParameterTree* value = reader.raw("inertia");
-  if (isFormula(value)) {
-    reader.numberDictionary("parameters");
-    reader.finish();
-    inertia.mean = inertia.least = 1.0;
-    return inertia;
-  }
   if (value == nullptr || value->kind() != ParameterTree::Kind::kDictionary) {
     inertia.mean = inertia.least = reader.number("inertia", Range::notNegative("kg m^2"));
     reader.finish();
@@ -138,45 +117,40 @@ ShaftInertia readShaftInertia(ParameterReader& root, const std::string& shaft) {
 }
 
 const char* const kCouplings = "inertia_coupling";
-const std::string kCouplingsExpected = "a list of couplings [shaft, shaft, value in kg m^2]";
 
-SceneError unexpectedCoupling(const std::string& path, const ParameterTree& value) {
-  return SceneError(path, "expected " + kCouplingsExpected + ", got " + value.describeKind() +
-                              ": " + value.toText());
-}
-
-/// Reads the two shafts of a coupling [a, b, value], in ascending order.
-std::pair<int, int> readCoupledShafts(const ParameterTree& coupling, const std::string& path,
-                                      const std::vector<std::string>& shafts) {
-  if (coupling.kind() != ParameterTree::Kind::kList || coupling.asList().size() != 3) {
-    throw unexpectedCoupling(path, coupling);
-  }
-  std::array<int, 2> pair{};
-  for (std::size_t i = 0; i < 2; ++i) {
-    const ParameterTree& name = coupling.asList()[i];
-    if (name.kind() != ParameterTree::Kind::kText) throw unexpectedCoupling(path, coupling);
-    pair[i] = placeOf(name.asText(), shafts, elementPath(path, i), "is not a shaft");
-  }
-  if (pair[0] == pair[1]) {
-    throw SceneError(
-        path, coupling.toText() + " couples a shaft with itself; allowed: two different shafts");
-  }
-  return std::minmax(pair[0], pair[1]);
-}
-
-/// Calls `use` with the shafts, the value and the path of each coupling.
+/// Calls `use` with the shafts, in ascending order, the value and the path of each coupling
+/// [a, b, value].
 template <class Use>
 void forEachCoupling(ParameterReader& root, const std::vector<std::string>& shafts, Use use) {
+  const std::string expected = "a list of couplings [shaft, shaft, value in kg m^2]";
   std::vector<std::pair<int, int>> coupled;
-  for (const ParameterTree& coupling : root.list(kCouplings, kCouplingsExpected)) {
+  for (const ParameterTree& coupling : root.list(kCouplings, expected)) {
     const std::string path = elementPath(kCouplings, coupled.size());
-    const std::pair<int, int> pair = readCoupledShafts(coupling, path, shafts);
+    const ParameterTree::List& its = coupling.asList();
+    bool is_coupling = its.size() == 3;
+    for (std::size_t i = 0; i < 2 && is_coupling; ++i) {
+      is_coupling = its[i].kind() == ParameterTree::Kind::kText;
+    }
+    if (!is_coupling) {
+      throw SceneError(path, "expected " + expected + ", got " + coupling.describeKind() + ": " +
+                                 coupling.toText());
+    }
+    const auto place = [&](std::size_t i) {
+      return placeOf(its[i].asText(), shafts, elementPath(path, i), "is not a shaft");
+    };
+    const int a = place(0);
+    const int b = place(1);
+    if (a == b) {
+      throw SceneError(
+          path, coupling.toText() + " couples a shaft with itself; allowed: two different shafts");
+    }
+    const std::pair<int, int> pair = std::minmax(a, b);
     if (contains(coupled, pair)) {
       throw SceneError(path, coupling.toText() +
                                  " couples these shafts a second time; allowed: every pair once");
     }
     coupled.push_back(pair);
-    use(pair.first, pair.second, coupling.asList()[2], elementPath(path, 2));
+    use(pair.first, pair.second, its[2], elementPath(path, 2));
   }
 }
 
@@ -202,47 +176,31 @@ double calcSmallestEigenvalue(const Eigen::MatrixXd& A) {
   return high;
 }
 
-/// Reads off-diagonal terms [[a, b, value], ...]. `least` holds the least inertia of every shaft: J
-/// is positive definite at every angle when it is with these on its diagonal.
-void readInertiaCoupling(ParameterReader& root, const std::vector<double>& least, Scene* scene) {
-  Eigen::MatrixXd& J = scene->inertia;
-  bool has_formulas = false;
-  for (const std::string& shaft : scene->shafts) {
-    has_formulas = has_formulas || isFormula(root.section(shaft).raw("inertia"));
-  }
-  forEachCoupling(
-      root, scene->shafts, [&](int i, int j, const ParameterTree& value, const std::string& path) {
-        has_formulas = has_formulas || isFormula(&value);
-        if (isFormula(&value)) return;
-        J(i, j) = J(j, i) = ParameterReader::toNumber(value, path, Range::any("kg m^2"));
-      });
-  if (J.isDiagonal(0.0)) return;
-
-  Eigen::MatrixXd smallest = J;
+/// Throws SceneError unless J is positive definite with the least inertia of every shaft on its
+/// diagonal: then it is at every angle.
+void checkCouplings(ParameterReader& root, const std::vector<double>& least, const Scene& scene) {
+  Eigen::MatrixXd smallest = scene.inertia;
+  if (smallest.isDiagonal(0.0)) return;
   for (std::size_t i = 0; i < least.size(); ++i) {
     const auto row = static_cast<int>(i);
     smallest(row, row) = least[i];
     // tieMasslessShafts judges shafts without inertia.
     if (smallest.row(row).isZero(0.0)) smallest(row, row) = 1.0;
   }
-  if (has_formulas || isPositiveDefinite(smallest)) return;
+  if (isPositiveDefinite(smallest)) return;
   throw SceneError(kCouplings,
                    root.raw(kCouplings)->toText() +
                        " makes the inertia matrix J indefinite: its smallest eigenvalue is " +
                        formatReal(calcSmallestEigenvalue(smallest)) +
-                       " kg m^2; allowed: a positive definite J" + scene->extreme_numbers);
+                       " kg m^2; allowed: a positive definite J" + scene.extreme_numbers);
 }
 
 /// Returns c of a constraint f = c omega + constant with a reaction along c; none of others.
 std::optional<Eigen::VectorXd> readSpeedRow(const Constraint& constraint, const Scene& scene) {
-  const expression::Graph& graph = *scene.graph;
+  const Graph& graph = *scene.graph;
   if (constraint.order() != 1 || !constraint.direction().empty()) return {};
-  for (const int n : graph.listReachable({constraint.function()})) {
-    const expression::Graph::Entry& entry = graph.entry({n});
-    if (entry.operation == expression::Operation::kVariable &&
-        expression::sourceOf(entry.slot) != expression::Source::kVelocity) {
-      return {};
-    }
+  for (const Source other : {Source::kTime, Source::kAngle, Source::kInput}) {
+    if (expression::reads(graph, {constraint.function()}, other)) return {};
   }
   Eigen::VectorXd c(scene.shaftCount());
   for (int i = 0; i < scene.shaftCount(); ++i) {
@@ -251,15 +209,6 @@ std::optional<Eigen::VectorXd> readSpeedRow(const Constraint& constraint, const 
     c(i) = graph.constantValue(entry);
   }
   return c;
-}
-
-/// Returns the largest inertia that a shaft of `row` has as seen through it, J_i/c_i^2; 0 if none.
-double findReflectedInertia(const Eigen::VectorXd& row, const Eigen::MatrixXd& J) {
-  double largest = 0.0;
-  for (int i = 0; i < row.size(); ++i) {
-    if (row(i) != 0.0) largest = std::max(largest, J(i, i) / (row(i) * row(i)));
-  }
-  return largest;
 }
 
 }  // namespace
@@ -273,7 +222,10 @@ void tieMasslessShafts(Scene* scene) {
     bool ties = false;
     for (int i = 0; i < J.rows() && c; ++i) ties = ties || ((*c)(i) != 0.0 && is_massless(i));
     if (!ties) continue;
-    const double reflected = findReflectedInertia(*c, J);
+    double reflected = 0.0;  // the largest inertia of a shaft as seen through the row, J_i/c_i^2
+    for (int i = 0; i < J.rows(); ++i) {
+      if ((*c)(i) != 0.0) reflected = std::max(reflected, J(i, i) / ((*c)(i) * (*c)(i)));
+    }
     const double w = reflected > 0.0 ? reflected : J.maxCoeff() / c->cwiseAbs2().maxCoeff();
     scene->lent_inertia += w * *c * c->transpose();
   }
@@ -297,26 +249,17 @@ void tieMasslessShafts(Scene* scene) {
   }
 }
 
-void readInertia(ParameterReader& root, Scene* scene) {
-  scene->inertia = Eigen::MatrixXd::Zero(scene->shaftCount(), scene->shaftCount());
-  std::vector<double> least;
-  bool constant = true;
-  for (int i = 0; i < scene->shaftCount(); ++i) {
-    ShaftInertia inertia = readShaftInertia(root, scene->shafts[static_cast<std::size_t>(i)]);
-    scene->inertia(i, i) = inertia.mean;
-    least.push_back(inertia.least);
-    constant = constant && inertia.harmonics.empty();
-    scene->inertia_harmonics.push_back(std::move(inertia.harmonics));
-  }
-  if (constant) scene->inertia_harmonics.clear();
-  readInertiaCoupling(root, least, scene);
-}
-
 namespace {
 
-/// Sets J, whose values at the start are checked.
-void takeFormulas(std::vector<Node> J, bool are_constant, Scene* scene) {
+/// Puts formulas into J, whose values at the start are checked.
+void takeFormulas(const std::vector<std::pair<int, Node>>& formulas, Scene* scene) {
   const int S = scene->shaftCount();
+  std::vector<Node> J = inertiaOf(*scene->graph, *scene);
+  bool are_constant = true;
+  for (const auto& [place, entry] : formulas) {
+    J.data()[place] = entry;
+    are_constant = are_constant && scene->graph->isConstant(entry);
+  }
   std::vector<double> angle = scene->initial.angle;
   angle.resize(static_cast<std::size_t>(S), 0.0);
   std::vector<double> input;
@@ -369,34 +312,57 @@ Node readEntry(ParameterReader& reader, const std::string& name, const std::stri
 
 }  // namespace
 
-void readInertiaFormulas(ParameterReader& root, Scene* scene) {
-  Graph& graph = *scene->graph;
+bool readInertia(ParameterReader& root, bool knows_names, Scene* scene) {
   const int S = scene->shaftCount();
-  std::vector<Node> J;
-  bool are_constant = true;
-  const auto set = [&](int i, int j, Node entry) {
-    // (Numbers come into the graph only beside formulas, whose constants they would be.)
-    if (J.empty()) J = inertiaOf(graph, *scene);
-    J.data()[S * i + j] = J.data()[S * j + i] = entry;
-    are_constant = are_constant && graph.isConstant(entry);
+  Eigen::MatrixXd& numbers = scene->inertia = Eigen::MatrixXd::Identity(S, S);
+  scene->inertia_harmonics.assign(static_cast<std::size_t>(S), {});
+  std::vector<double> least(static_cast<std::size_t>(S), 1.0);
+  bool has_formulas = false;
+  bool is_constant = true;
+  std::vector<std::pair<int, Node>> formulas;  // by their places in J
+  const auto takeFormula = [&](ParameterReader& reader, const std::string& name,
+                               const std::string& key, int i, int j) {
+    has_formulas = true;
+    if (!knows_names) return;
+    const Node entry = readEntry(reader, name, key, scene);
+    formulas.emplace_back(S * i + j, entry);
+    formulas.emplace_back(S * j + i, entry);
   };
   for (int i = 0; i < S; ++i) {
-    const std::string& shaft = scene->shafts[static_cast<std::size_t>(i)];
-    ParameterReader reader = root.section(shaft);
-    if (isFormula(reader.raw("inertia"))) set(i, i, readEntry(reader, shaft, "inertia", scene));
+    const auto n = static_cast<std::size_t>(i);
+    ParameterReader reader = root.section(scene->shafts[n], {"inertia"});
+    if (isFormula(reader.raw("inertia"))) {
+      reader.numberDictionary("parameters");
+      reader.finish();
+      takeFormula(reader, scene->shafts[n], "inertia", i, i);
+      continue;
+    }
+    ShaftInertia inertia = readShaftInertia(reader);
+    numbers(i, i) = inertia.mean;
+    least[n] = inertia.least;
+    is_constant = is_constant && inertia.harmonics.empty();
+    scene->inertia_harmonics[n] = std::move(inertia.harmonics);
   }
+  if (is_constant) scene->inertia_harmonics.clear();
   forEachCoupling(root, scene->shafts,
                   [&](int i, int j, const ParameterTree& value, const std::string& path) {
-                    if (!isFormula(&value)) return;
+                    if (!isFormula(&value)) {
+                      numbers(i, j) = numbers(j, i) =
+                          ParameterReader::toNumber(value, path, Range::any("kg m^2"));
+                      return;
+                    }
                     const ParameterTree tree = ParameterTree::dictionary({{"value", value}});
                     ParameterReader reader(tree, "");
                     try {
-                      set(i, j, readEntry(reader, path, "value", scene));
+                      takeFormula(reader, path, "value", i, j);
                     } catch (const SceneError& error) {
                       throw SceneError(path, error.message());
                     }
                   });
-  if (!J.empty()) takeFormulas(std::move(J), are_constant, scene);
+  if (!has_formulas) checkCouplings(root, least, *scene);
+  // (Numbers come into the graph only beside formulas, whose constants they would be.)
+  if (!formulas.empty()) takeFormulas(formulas, scene);
+  return has_formulas;
 }
 
 }  // namespace variator_sim

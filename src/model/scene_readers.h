@@ -66,13 +66,10 @@ std::optional<ParameterTree> mergeParts(const ParameterTree& tree,
 // scene_inertia.cpp
 
 /// Reads `inertia` of every shaft and `inertia_coupling` into `scene`, whose shafts are known.
-/// Throws SceneError unless J is positive definite at every angle but for shafts of inertia 0.
-/// Formulas are left for `readInertiaFormulas`.
-void readInertia(ParameterReader& root, Scene* scene);
-
-/// Reads those that are formulas; the scene's initial values, inputs and tables are known. Throws
-/// SceneError unless J is positive definite at the start.
-void readInertiaFormulas(ParameterReader& root, Scene* scene);
+/// Returns true where some are formulas; these are read only when `knows_names`: the scene's
+/// initial values, inputs and tables are there. Throws SceneError unless J is positive definite at
+/// every angle but for shafts of inertia 0; with formulas, at the start.
+bool readInertia(ParameterReader& root, bool knows_names, Scene* scene);
 
 /// Makes J regular where shafts have no inertia. With a constraint f = c omega + constant, whose
 /// reaction is c' lambda, J + w c c' has the motion and the multiplier of J, since c epsilon = 0:
