@@ -383,15 +383,8 @@ Table Table::through(Numbers x, const Numbers& y, const Shape& shape) {
 
 double Table::derivative(int order, double x) const {
   if (!cells_ || order > kDegree) return std::isnan(x) ? x : 0.0;
-  // A smooth step is constant nearly all the time.
-  const TableAxis& axis = cells_->x;
-  const std::vector<TableCell>& cells = cells_->polynomials;
-  const bool is_below = x < axis.points().front();
-  if (axis.isFlatBeyond() && (is_below || x >= axis.points().back())) {
-    return order > 0 ? 0.0 : (is_below ? cells.front() : cells.back())[0];
-  }
-  const TableAxis::Place at = axis.find(x);
-  double value = evaluateCell(cells[at.cell], at.t, order);
+  const TableAxis::Place at = cells_->x.find(x);
+  double value = evaluateCell(cells_->polynomials[at.cell], at.t, order);
   for (int k = 0; k < order; ++k) value *= at.scale;
   return value;
 }
