@@ -145,21 +145,6 @@ bool takesEnergy(const Constraint& constraint, const Scene& scene) {
 
 // --- opaque functions ----------------------------------------------------------------------------
 
-/// The derivative of a function at 0 by a difference of order 4.
-struct Difference {
-  double value;
-  double margin;  ///< of rounding in the function's values
-};
-
-Difference calcDifference(const std::function<double(double)>& function, double h) {
-  const std::array<double, 4> f{function(-2.0 * h), function(-h), function(h), function(2.0 * h)};
-  // Numbers below the least normal one are rounded as it is.
-  double largest = std::numeric_limits<double>::min();
-  for (const double value : f) largest = std::max(largest, std::abs(value));
-  return {(f[0] - 8.0 * f[1] + 8.0 * f[2] - f[3]) / (12.0 * h),
-          8.0 * std::numeric_limits<double>::epsilon() * largest / h};
-}
-
 /// Returns the derivative of `function` (of a step h) at 0 by differences if it contradicts
 /// `stated` with certainty; nothing otherwise. `scale` is a step that matters, `slack` the rounding
 /// in `stated`.
@@ -171,19 +156,25 @@ std::optional<double> findDisagreement(const std::function<double(double)>& func
   // (Two consecutive steps that agree best decide.)
   double doubt = std::numeric_limits<double>::infinity();
   double found = 0.0;
-  std::optional<Difference> before;
+  double before = std::numeric_limits<double>::quiet_NaN();
+  double margin_before = 0.0;
   double h = 0.02 * scale;
   for (int n = 0; n < kSteps; ++n, h *= 0.25) {
-    const Difference d = calcDifference(function, h);
-    if (!std::isfinite(d.value)) continue;
-    const double size = std::max(std::abs(stated), std::abs(d.value));
-    if (std::abs(d.value - stated) <= kTolerance * size + slack) return std::nullopt;
-    if (before) {
-      const double its = std::abs(d.value - before->value) + d.margin + before->margin;
-      if (its < doubt) found = d.value;
-      doubt = std::min(doubt, its);
-    }
-    before = d;
+    // A difference of order 4, and the margin of rounding in the function's values.
+    const std::array<double, 4> f{function(-2.0 * h), function(-h), function(h), function(2.0 * h)};
+    const double value = (f[0] - 8.0 * f[1] + 8.0 * f[2] - f[3]) / (12.0 * h);
+    if (!std::isfinite(value)) continue;
+    const double size = std::max(std::abs(stated), std::abs(value));
+    if (std::abs(value - stated) <= kTolerance * size + slack) return std::nullopt;
+    // Numbers below the least normal one are rounded as it is.
+    double largest = std::numeric_limits<double>::min();
+    for (const double it : f) largest = std::max(largest, std::abs(it));
+    const double margin = 8.0 * std::numeric_limits<double>::epsilon() * largest / h;
+    const double its = std::abs(value - before) + margin + margin_before;
+    if (its < doubt) found = value;
+    doubt = its < doubt ? its : doubt;
+    before = value;
+    margin_before = margin;
   }
   const double size = std::max(std::abs(stated), std::abs(found));
   if (!(std::abs(found - stated) > kTolerance * size + slack + 100.0 * doubt)) return std::nullopt;

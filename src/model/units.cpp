@@ -1,9 +1,9 @@
 #include "variator_sim/units.h"
 
 #include <algorithm>
+#include <boost/algorithm/string/replace.hpp>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -67,11 +67,7 @@ constexpr std::pair<const char*, const char*> kSigns[] = {
     {"\u2126", "ohm"},   {"\u03a9", "ohm"}};
 
 std::string withoutSigns(std::string text) {
-  for (const auto& [sign, plain] : kSigns) {
-    for (std::size_t at = text.find(sign); at != text.npos; at = text.find(sign, at)) {
-      text.replace(at, std::strlen(sign), plain);
-    }
-  }
+  for (const auto& [sign, plain] : kSigns) boost::algorithm::replace_all(text, sign, plain);
   return text;
 }
 
@@ -88,6 +84,12 @@ constexpr const char* kUsual[] = {
     "rpm",  "deg/s", "deg", "rev", "km/h", "mph",    "kW",      "hp",    "kN m",    "ft lbf", "kN",
     "mm",   "cm",    "km",  "ms",  "min",  "h",      "g",       "t",     "N m/deg", "degC",   "mV",
     "mohm", "%",     "bar", "kHz", "cm^2", "g cm^2", "deg/s^2", "rpm/s", "kW/s"};
+
+std::vector<std::string> listNames() {
+  std::vector<std::string> names;
+  for (const NamedUnit& it : kUnits) names.emplace_back(it.name);
+  return names;
+}
 
 bool isUnitLetter(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '%';
@@ -169,12 +171,10 @@ std::optional<UnitText> readUnit(const std::string& given) {
 Unit requireUnit(const std::string& text, const std::string& path) {
   const std::optional<UnitText> read = readUnit(text);
   if (read && read->unknown.empty()) return read->unit;
-  std::vector<std::string> names;
-  for (const NamedUnit& it : kUnits) names.emplace_back(it.name);
   throw SceneError(
       path, (read ? inQuotes(read->unknown) + " is not a known unit" + suggestUnit(read->unknown)
                   : inQuotes(text) + " is not a unit") +
-                "; allowed: products and quotients, such as N m/rad, of " + joinNames(names) +
+                "; allowed: products and quotients, such as N m/rad, of " + joinNames(listNames()) +
                 ", many with u, m, c, k, M, G before them");
 }
 
@@ -191,8 +191,7 @@ std::string listUnitsLike(const std::string& unit) {
 }
 
 std::string suggestUnit(const std::string& unknown) {
-  std::vector<std::string> names;
-  for (const NamedUnit& it : kUnits) names.emplace_back(it.name);
+  std::vector<std::string> names = listNames();
   for (const char* usual : kUsual) names.emplace_back(usual);
   return suggestName(unknown, names);
 }
