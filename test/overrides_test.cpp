@@ -1,6 +1,4 @@
 // Values in place of a scene's: where their paths lead, what their texts mean.
-#include "variator_sim/overrides.h"
-
 #include <gtest/gtest.h>
 
 #include <string>
@@ -9,6 +7,7 @@
 #include "support/faults.h"
 #include "variator_sim/io/override_text.h"
 #include "variator_sim/io/yaml_tree.h"
+#include "variator_sim/parameter_tree.h"
 
 namespace variator_sim {
 namespace {

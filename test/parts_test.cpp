@@ -5,7 +5,7 @@
 
 #include "support/faults.h"
 #include "support/scenes.h"
-#include "variator_sim/overrides.h"
+#include "variator_sim/parameter_tree.h"
 
 namespace variator_sim {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "model/number_text.h"
 #include "variator_sim/component_factory.h"
-#include "variator_sim/overrides.h"
+#include "variator_sim/parameter_tree.h"
 
 namespace variator_sim {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "variator_sim/io/yaml_tree.h"
-#include "variator_sim/overrides.h"
+#include "variator_sim/parameter_tree.h"
 
 namespace variator_sim {
 namespace {

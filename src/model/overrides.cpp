@@ -1,10 +1,11 @@
-#include "variator_sim/overrides.h"
-
 #include <algorithm>
 #include <cctype>
 #include <charconv>
+#include <regex>
 #include <utility>
 #include <vector>
+
+#include "variator_sim/parameter_tree.h"
 
 namespace variator_sim {
 namespace {
@@ -21,20 +22,10 @@ bool isIndex(const std::string& step) {
 
 /// Splits "a/b[1]" into a, b, 1.
 std::vector<std::string> splitPath(const std::string& path) {
-  std::vector<std::string> steps(1);
-  bool is_valid = true;
-  for (std::size_t i = 0; i < path.size(); ++i) {
-    const char c = path[i];
-    if (c == '/' || c == '[') {
-      steps.emplace_back();
-    } else if (c == ']') {
-      const bool ends = i + 1 == path.size() || path[i + 1] == '/' || path[i + 1] == '[';
-      is_valid = is_valid && ends && steps.size() > 1 && isIndex(steps.back());
-    } else {
-      steps.back() += c;
-    }
-  }
-  for (const std::string& step : steps) is_valid = is_valid && !step.empty();
+  static const std::regex kIndex(R"(\[(\d{1,9})\](?=[/[]|$))");
+  const std::string plain = std::regex_replace(path, kIndex, "/$1");
+  const std::vector<std::string> steps = splitAt(plain, '/');
+  const bool is_valid = plain.find_first_of("[]") == plain.npos && !contains(steps, "");
   if (steps.size() > kDeepestNesting) {
     throw SceneError("", inQuotes(path) + " has more than " + std::to_string(kDeepestNesting) +
                              " keys, one within the other");

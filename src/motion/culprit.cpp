@@ -14,7 +14,7 @@
 #include "laws/guarded_function.h"
 #include "variator_sim/component_factory.h"
 #include "variator_sim/expression/guards.h"
-#include "variator_sim/overrides.h"
+#include "variator_sim/parameter_tree.h"
 
 namespace variator_sim {
 namespace {

@@ -18,7 +18,7 @@
 #include "tools/sensitivity.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/io/override_text.h"
-#include "variator_sim/overrides.h"
+#include "variator_sim/parameter_tree.h"
 
 namespace variator_sim::python {
 

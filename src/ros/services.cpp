@@ -14,7 +14,7 @@
 #include "ros/nanoseconds.h"
 #include "ros/stepping_loop.h"
 #include "variator_sim/io/yaml_tree.h"
-#include "variator_sim/overrides.h"
+#include "variator_sim/parameter_tree.h"
 
 namespace variator_sim {
 namespace {

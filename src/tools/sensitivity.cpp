@@ -10,7 +10,7 @@
 #include "model/number_text.h"
 #include "motion_program/motion_program.h"
 #include "motion_program/tangent_steps.h"
-#include "variator_sim/overrides.h"
+#include "variator_sim/parameter_tree.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {

@@ -7,7 +7,7 @@
 
 namespace variator_sim {
 
-/// Sets one value of a scene's tree (overrides.h) as `text` says it: "drive/inertia=1.2",
+/// Sets one value of a scene's tree (setValue) as `text` says it: "drive/inertia=1.2",
 /// "initial/velocity=[5, 2]". Throws SceneError.
 void applyOverride(ParameterTree& tree, const std::string& text);
 
