@@ -106,7 +106,7 @@ TEST(Units, OfOutputsAreThoseTheyAreToldIn) {
   EXPECT_NEAR(values[0], 1500.0, 1e-10);
   EXPECT_NEAR(values[1], 5.0 * kPi, 1e-12);
   EXPECT_NEAR(values[2], 50.0 * kPi, 1e-12);
-  EXPECT_EQ(simulation.scene().outputs[0].unit(), "rpm");
+  EXPECT_EQ(simulation.scene().outputs[0].unit, "rpm");
 }
 
 TEST(Units, AreRefusedWhereTheyDoNotFit) {

@@ -40,10 +40,6 @@ class Law {
   }
   /// Returns the outputs that the law names ("slip"), formulas that may read accelerations.
   const std::vector<std::pair<std::string, expression::Node>>& outputs() const { return outputs_; }
-  /// Writes the value of each, for samples only, and only on request. [loop]
-  void calcOutputs(const StateView& state, double* values) const {
-    outputs_program_.evaluate(state, values);
-  }
 
  protected:
   Law() = default;
@@ -64,7 +60,6 @@ class Law {
   std::vector<expression::Node> formulas_;
   std::vector<Holding> holdings_;
   std::vector<std::pair<std::string, expression::Node>> outputs_;
-  expression::Tape outputs_program_;
 };
 
 }  // namespace variator_sim

@@ -121,14 +121,8 @@ class LawContext : public ComponentContext {
   }
   /// Returns the side of a Holding for its formulas: constant between events.
   Expression side();
-  /// Lets the element hold, and adds its torques. Constraints do with `losses` only.
-  ///     Holding brake;
-  ///     brake.slip = wheel.velocity;
-  ///     brake.side = scene.side();
-  ///     brake.torque = capacity * brake.side;
-  ///     brake.upper = capacity;
-  ///     brake.lower = -capacity;
-  ///     scene.hold(brake);
+  /// Lets the element hold, and adds its torques. Constraints do with `losses` only. doc/scene.md
+  /// has a brake as an example, and one of `function`.
   void hold(const Holding& holding);
   /// Names a quantity of this element for output (`--columns elements`).
   void output(const std::string& name, const Expression& value) {

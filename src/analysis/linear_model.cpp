@@ -345,8 +345,8 @@ class Linearizer {
     }
     model.outputs = formulas_.outputs;
     for (const Output& output : scene_.outputs) {
-      if (!output.readsPrinciple()) continue;
-      model.notes.push_back("the output " + inQuotes(output.name()) +
+      if (!output.reads_principle) continue;
+      model.notes.push_back("the output " + inQuotes(output.name) +
                             " reads how the reactions change and is left out");
     }
     const std::string modes = describeModes(scene_, point_.mode);

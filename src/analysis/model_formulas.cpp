@@ -106,10 +106,10 @@ void addOutputs(MotionEquations& equations, const Scene& scene, ModelFormulas& f
     all.push_back(equations.reaction(i));
   }
   for (const Output& output : scene.outputs) {
-    if (output.readsPrinciple()) continue;
-    all.push_back(equations.inModes(output.node()));
-    refuseHeldTorques(equations, scene, all.back(), output.name());
-    formulas.outputs.push_back("outputs/" + output.name());
+    if (output.reads_principle) continue;
+    all.push_back(equations.inModes(output.node));
+    refuseHeldTorques(equations, scene, all.back(), output.name);
+    formulas.outputs.push_back("outputs/" + output.name);
   }
 }
 
@@ -234,8 +234,8 @@ std::vector<TrimQuantity> listTrimQuantities(MotionEquations& equations, const S
     list.push_back({scene.shafts[at(i)] + "/reaction_torque", -1, equations.reaction(i)});
   }
   for (const Output& output : scene.outputs) {
-    if (output.readsPrinciple()) continue;
-    list.push_back({output.name(), -1, equations.inModes(output.node())});
+    if (output.reads_principle) continue;
+    list.push_back({output.name, -1, equations.inModes(output.node)});
   }
   return list;
 }

@@ -71,7 +71,7 @@ VectorXd VariableLayout::valuesAt(const OperatingPoint& point) const {
 MotionEquations::MotionEquations(const Scene& scene, const std::vector<int>& mode,
                                  bool with_rates_of_d)
     : scene_(scene),
-      torques_(sumTorques(scene, &Torque::torques)),
+      torques_(sumTorques(scene)),
       holds_(collectHolds(scene)),
       graph_(*scene.graph),
       J_(graph_, scene),

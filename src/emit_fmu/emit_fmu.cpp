@@ -62,12 +62,12 @@ std::vector<Shown> listShown(const Scene& scene) {
   }
   for (const ConstraintPtr& constraint : scene.constraints) addOutputs(*constraint);
   for (const Output& output : scene.outputs) {
-    if (output.readsPrinciple()) {
-      throw SceneError(output.name(),
+    if (output.reads_principle) {
+      throw SceneError(output.name,
                        "reads how the reactions change (G_SHAFT, Z), which an FMU does not tell; "
                        "allowed: formulas of the state");
     }
-    made.push_back({"outputs/" + output.name(), output.unit(), output.node()});
+    made.push_back({"outputs/" + output.name, output.unit, output.node});
   }
   return made;
 }
@@ -144,7 +144,7 @@ class FmuWriter {
       const bool is_known = contains(names, unit);
       if (!unit.empty() && !is_known) names.push_back(unit);
     };
-    for (const Output& it : scene_.outputs) add(it.unit());
+    for (const Output& it : scene_.outputs) add(it.unit);
     for (const FmuParameters::Parameter& it : parameters_.list()) add(unitOf(it));
     return names;
   }

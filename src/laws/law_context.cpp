@@ -118,6 +118,33 @@ std::shared_ptr<const GuardedFunction> guard(const Graph& graph,
 
 }  // namespace
 
+int ComponentContext::addInput(const CommandInputSettings& settings) {
+  const std::string path = parameters_.keyPath("topic");
+  for (const CommandInputSettings& other : inputs_) {
+    if (other.topic == settings.topic) {
+      throw SceneError(path, "topic " + inQuotes(settings.topic) + " is used twice: by " +
+                                 inQuotes(other.owner) + " and by " + inQuotes(settings.owner) +
+                                 "; every commanded input needs a topic of its own");
+    }
+  }
+  return addTo(inputs_, settings, path);
+}
+
+int ComponentContext::addDelay(expression::Node node, double seconds, const std::string& text,
+                               const std::string& path) {
+  const auto same = std::find_if(inputs_.begin(), inputs_.end(), [&](const auto& other) {
+    return other.kind == InputKind::kDelayed && other.delayed == node && other.delay == seconds;
+  });
+  if (same != inputs_.end()) return static_cast<int>(same - inputs_.begin());
+  CommandInputSettings made;
+  made.kind = InputKind::kDelayed;
+  made.topic = made.name = text;
+  made.owner = name_;
+  made.delayed = node;
+  made.delay = seconds;
+  return addTo(inputs_, made, path);
+}
+
 void LawContext::keys(std::initializer_list<const char*> keys) {
   for (const char* key : keys) parameters().allow(key);
 }
@@ -210,12 +237,7 @@ void Law::configure(LawContext& law) {
   build(law);
   holdings_ = law.holdings();
   derive(law);
-  std::vector<expression::Node> values;
-  for (const auto& [name, value] : law.outputs()) {
-    values.push_back(value.in(*graph_));
-    outputs_.emplace_back(name, values.back());
-  }
-  outputs_program_ = expression::Tape(*graph_, values);
+  for (const auto& [name, value] : law.outputs()) outputs_.emplace_back(name, value.in(*graph_));
 }
 
 Expression LawContext::side() {

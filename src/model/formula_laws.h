@@ -17,13 +17,12 @@ inline void requireOwnFormulas(const Scene& scene) {
   }
 }
 
-/// The sums of Q (`terms` Torque::torques) or Q' (Torque::rates) over all torques, by shaft.
-inline std::vector<expression::Node> sumTorques(
-    const Scene& scene, const std::vector<Torque::ShaftNode>& (Torque::*terms)() const) {
+/// The sums of Q over all torques, by shaft.
+inline std::vector<expression::Node> sumTorques(const Scene& scene) {
   expression::Graph& graph = *scene.graph;
   std::vector<expression::Node> sums(scene.shafts.size(), graph.constant(0.0));
   for (const TorquePtr& element : scene.torques) {
-    for (const auto& [shaft, term] : (*element.*terms)()) {
+    for (const auto& [shaft, term] : element->torques()) {
       expression::Node& sum = sums[static_cast<std::size_t>(shaft)];
       sum = graph.isConstant(sum, 0.0) ? term : graph.add(sum, term);
     }

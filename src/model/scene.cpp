@@ -318,15 +318,15 @@ void readComponents(ParameterReader& root, const SceneNames& names, ComponentFac
 }
 
 void readOutputs(ParameterReader& root, const SceneNames& names, Scene* scene, Faults* faults) {
-  Output::nameObserved(scene->shafts, *scene->graph, &scene->symbols);
+  namePrinciple(scene);
   for (const std::string& name : names.outputs) {
     faults->collect([&] {
       ParameterReader reader = root.section(name);
       ComponentContext context = contextOf(name, reader, scene);
-      scene->outputs.emplace_back(context);
+      scene->outputs.push_back(readOutput(context));
       reader.finish();
       if (expression::describeTakenName(name, scene->shafts).empty())
-        scene->symbols.values.emplace(name, scene->outputs.back().value());
+        scene->symbols.values.emplace(name, scene->outputs.back().si);
     });
   }
   scene->symbols.observed.clear();

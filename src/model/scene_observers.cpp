@@ -5,7 +5,9 @@
 
 #include "model/formula_laws.h"
 #include "model/scene_readers.h"
+#include "variator_sim/expression/parser.h"
 #include "variator_sim/expression/tape.h"
+#include "variator_sim/units.h"
 
 namespace variator_sim {
 namespace {
@@ -90,7 +92,7 @@ class Reactions {
     if (!reaction_.empty()) return;
     scene_.formulas_read_inertia = true;
     for (const Node node : inertiaOf(graph_, scene_)) inertia_.push_back(of(node));
-    const std::vector<Node> torque = sumTorques(scene_, &Torque::torques);
+    const std::vector<Node> torque = sumTorques(scene_);
     for (int i = 0; i < shafts_; ++i) {
       connection_.push_back(of(connectionOf(graph_, inertia_[at(shafts_ * i + i)].in(graph_), i)));
       given_.push_back(connection_.back() * variable(Source::kVelocity, i) - of(torque[at(i)]));
@@ -313,6 +315,38 @@ void nameObservers(Scene* scene, bool knows_rates) {
     add("Rr_" + shaft, [reactions, i] { return reactions->reactionRate(i); });
     add("j_" + shaft, [reactions, i] { return reactions->jerk(i); });
   }
+}
+
+void namePrinciple(Scene* scene) {
+  int number = kFirstObserved;
+  const auto add = [&](const std::string& name) {
+    scene->symbols.observed.emplace(name, [&graph = *scene->graph, input = number++] {
+      return graph.variable(slotOf(Source::kInput, input));
+    });
+  };
+  for (const std::string& shaft : scene->shafts) add("G_" + shaft);
+  add("Z");
+  add("constraint_measure");
+}
+
+Output readOutput(ComponentContext& context) {
+  Graph& graph = *context.graph();
+  ParameterReader& reader = context.parameters();
+  reader.allow("unit");
+  Output output;
+  output.name = context.name();
+  output.si = readFormula(context, "expression", expression::FormulaKind::kOutput, graph);
+  output.node = output.si;
+  if (reader.has("unit")) {
+    output.unit = reader.text("unit");
+    const Unit unit = requireUnit(output.unit, reader.keyPath("unit"));
+    if (unit.zero != 0.0) output.node = graph.subtract(output.node, graph.constant(unit.zero));
+    output.node = graph.divide(graph.multiply(output.node, graph.constant(unit.denominator)),
+                               graph.constant(unit.numerator));
+  }
+  const std::set<int> inputs = expression::indicesIn(graph, {output.node}, Source::kInput);
+  output.reads_principle = !inputs.empty() && *inputs.rbegin() >= kFirstObserved;
+  return output;
 }
 
 }  // namespace variator_sim

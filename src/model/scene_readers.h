@@ -111,6 +111,13 @@ void checkDelays(const Scene& scene);
 /// constraints are known, is at its place. `knows_rates`: the rates of its states are.
 void nameObservers(Scene* scene, bool knows_rates);
 
+/// Adds the names that outputs alone read: G_SHAFT, Z, constraint_measure.
+void namePrinciple(Scene* scene);
+
+/// Reads an output's keys: `expression` (SI units), `parameters`, `unit` (optional, "rpm": the
+/// value is told in it). Throws SceneError.
+Output readOutput(ComponentContext& context);
+
 // scene_checks.cpp
 
 /// Returns the numbers of a scene that share no digit with a number near 1: beyond 1e16, or below

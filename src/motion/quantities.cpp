@@ -25,19 +25,25 @@ Quantities::Quantities(const Scene& scene)
                                           : inputs)
         .push_back(input.name);
   }
+  std::vector<expression::Node> nodes;
   for (const Output& output : scene.outputs) {
-    outputs.push_back(output.name());
-    reads_principle_ = reads_principle_ || output.readsPrinciple();
+    outputs.push_back(output.name);
+    nodes.push_back(output.node);
+    reads_principle_ = reads_principle_ || output.reads_principle;
   }
+  outputs_ = {*scene.graph, nodes};
+  nodes.clear();
   for (const std::string& shaft : scene.shafts) {
     principle.push_back(shaft + "/reaction_torque_covariant_rate");
   }
   for (const char* measure : {"principle/Z", "principle/constraint_measure"}) {
     principle.emplace_back(measure);
   }
-  const auto add_outputs = [&names = names](const auto& element) {
-    for (const auto& it : element.outputs()) names.push_back(element.name() + "/" + it.first);
-    return element.outputs().size();
+  const auto add_outputs = [&names = names, &nodes](const Law& element) {
+    for (const auto& [name, node] : element.outputs()) {
+      names.push_back(element.name() + "/" + name);
+      nodes.push_back(node);
+    }
   };
   const auto add_holds = [&names = names](const Law& element) {
     for (const Holding& it : element.holdings()) {
@@ -54,12 +60,13 @@ Quantities::Quantities(const Scene& scene)
     }
     names.push_back(torque->name() + "/power");
     add_holds(*torque);
-    torque_outputs_.push_back(add_outputs(*torque));
+    add_outputs(*torque);
   }
   for (const ConstraintPtr& constraint : scene_.constraints) {
     add_holds(*constraint);
-    constraint_outputs_.push_back(add_outputs(*constraint));
+    add_outputs(*constraint);
   }
+  element_outputs_ = {*scene.graph, nodes};
 }
 
 void Quantities::calc(QuantityGroup group, const StateView& state, const Sample& sample,
@@ -95,7 +102,7 @@ void Quantities::calcOutputs(const StateView& state, const Sample& sample, doubl
     calcPrinciple(state, sample, input + kFirstObserved);
     observed.input = input;
   }
-  for (const Output& output : scene_.outputs) *values++ = output.calcValue(observed);
+  outputs_.evaluate(observed, values);
 }
 
 void Quantities::calcPrinciple(const StateView& state, const Sample& sample, double* values) const {
@@ -146,6 +153,12 @@ double* writeHolds(const HeldElement* held, std::size_t count, double* values) {
 
 void Quantities::calcElements(const StateView& state, double* values) const {
   const HeldElement* held = state.held;
+  const double* outputs = element_outputs_.evaluate(state);
+  const auto write_outputs = [&](const Law& element) {
+    const std::size_t count = element.outputs().size();
+    values = std::copy_n(outputs, count, values);
+    outputs += count;
+  };
   for (std::size_t j = 0; j < scene_.torques.size(); ++j) {
     double Q[kMaxShafts] = {};
     const std::size_t holds = held != nullptr ? scene_.torques[j]->holdings().size() : 0;
@@ -161,15 +174,13 @@ void Quantities::calcElements(const StateView& state, double* values) const {
     *values++ = power;
     values = writeHolds(held, holds, values);
     held += holds;
-    scene_.torques[j]->calcOutputs(state, values);
-    values += torque_outputs_[j];
+    write_outputs(*scene_.torques[j]);
   }
-  for (std::size_t m = 0; m < scene_.constraints.size(); ++m) {
-    const std::size_t holds = held != nullptr ? scene_.constraints[m]->holdings().size() : 0;
+  for (const ConstraintPtr& constraint : scene_.constraints) {
+    const std::size_t holds = held != nullptr ? constraint->holdings().size() : 0;
     values = writeHolds(held, holds, values);
     held += holds;
-    scene_.constraints[m]->calcOutputs(state, values);
-    values += constraint_outputs_[m];
+    write_outputs(*constraint);
   }
 }
 

@@ -44,10 +44,9 @@ class Quantities {
   expression::Tape inertia_;      ///< J, if formulas give it
   bool reads_principle_ = false;  ///< some output does
   std::array<std::vector<std::string>, kQuantityGroups.size()> names_;
-  /// Shafts per torque and per constraint.
-  std::vector<std::vector<int>> shafts_;
-  std::vector<std::size_t> torque_outputs_;
-  std::vector<std::size_t> constraint_outputs_;
+  std::vector<std::vector<int>> shafts_;  ///< per torque
+  expression::Tape outputs_;              ///< of the scene
+  expression::Tape element_outputs_;      ///< of all torques, then of all constraints
 };
 
 }  // namespace variator_sim

@@ -186,7 +186,7 @@ SceneFormulas collectFormulas(const Scene& scene) {
   for (const TorquePtr& element : scene.torques) {
     noteOpaque(element->name(), element->callsOpaqueFunction(), made);
   }
-  made.torque = sumTorques(scene, &Torque::torques);
+  made.torque = sumTorques(scene);
   for (const ConstraintPtr& constraint : scene.constraints) addConstraint(scene, constraint, made);
   addHolds(scene, made);
   addInertia(scene, made);

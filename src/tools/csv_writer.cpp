@@ -20,8 +20,8 @@ constexpr std::size_t kLongestNumber = 24;
 std::vector<std::string> columnTitles(const Columns& columns, const Scene& scene) {
   std::vector<std::string> titles = columns.names();
   for (const Output& output : scene.outputs) {
-    const auto found = std::find(titles.begin(), titles.end(), "outputs/" + output.name());
-    if (found != titles.end() && !output.unit().empty()) *found += " [" + output.unit() + "]";
+    const auto found = std::find(titles.begin(), titles.end(), "outputs/" + output.name);
+    if (found != titles.end() && !output.unit.empty()) *found += " [" + output.unit + "]";
   }
   return titles;
 }

@@ -41,7 +41,7 @@ double readNumber(const ParameterTree& tree, const std::string& path) {
 std::vector<Node> shownNodes(const Scene& scene) {
   std::vector<Node> nodes;
   for (const Output& it : scene.outputs) {
-    if (!it.readsPrinciple()) nodes.push_back(it.node());
+    if (!it.reads_principle) nodes.push_back(it.node);
   }
   return nodes;
 }
@@ -249,7 +249,7 @@ Sensitivity::Sensitivity(const ParameterTree& tree, const SceneReader& read,
     quantities.push_back("states/" + scene.inputs[static_cast<std::size_t>(it.input)].name);
   }
   for (const Output& it : scene.outputs) {
-    if (!it.readsPrinciple()) quantities.push_back("outputs/" + it.name());
+    if (!it.reads_principle) quantities.push_back("outputs/" + it.name);
   }
   quantities_ = quantities.size();
   for (const std::string& path : paths) {
