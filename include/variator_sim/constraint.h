@@ -20,18 +20,7 @@ using ConstraintPtr = std::shared_ptr<Constraint>;
 /// forms of one constraint have the same C: df/domega = df'/depsilon = df''/deta.
 ///
 /// `build` states the function that is zero; C, c0, all derivatives, dependences and switching
-/// functions follow from it.
-///
-///     class Slip : public variator_sim::Constraint {
-///       void build(variator_sim::LawContext& scene) override {
-///         const auto s = scene.shafts("shafts", 2);
-///         const auto i = scene.quantity("ratio", variator_sim::Range::any("1"));
-///         const double tau = scene.number("time_constant", variator_sim::Range::positive("s"));
-///         const auto slip = s[1].velocity - i * s[0].velocity;
-///         scene.constrain(tau * (s[1].acceleration - i * s[0].acceleration) + slip);
-///         scene.output("slip", slip);
-///       }
-///     };
+/// functions follow from it (doc/tutorials/own_law.md has an example).
 ///
 /// Its order is that of the highest derivative in it. A jerk may occur linearly only; a constraint
 /// of order 1 is differentiated twice, and takes commanded inputs with two derivatives

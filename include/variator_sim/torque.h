@@ -12,13 +12,6 @@ namespace variator_sim {
 /// One torque element. `build` states the torques Q that it applies (positive accelerates); their
 /// total rate Q' = dQ/dt + dQ/dphi omega + dQ/domega epsilon + dQ/du u', its derivatives,
 /// dependences and switching functions follow from them.
-///
-///     class Brake : public variator_sim::Torque {
-///       void build(variator_sim::LawContext& scene) override {
-///         const variator_sim::Shaft wheel = scene.shaft("shaft");
-///         scene.apply(wheel, -scene.quantity("torque") * tanh(wheel.velocity / 0.1));
-///       }
-///     };
 class Torque : public Law {
  public:
   /// A formula of the scene's graph and the shaft that it belongs to.

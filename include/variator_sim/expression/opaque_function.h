@@ -7,15 +7,6 @@ namespace variator_sim {
 
 /// f(x_1, .., x_n), n from 1 to 4, by its values and its first derivatives.
 ///
-///     class Square : public variator_sim::OpaqueFunction {
-///      public:
-///       Square() : OpaqueFunction(1) {}
-///       double value(const double* x) const override { return x[0] * x[0]; }
-///       void calcGradient(const double* x, double* gradient) const override {
-///         gradient[0] = 2.0 * x[0];
-///       }
-///     };
-///
 /// f has to be continuously differentiable and a function of its arguments alone. Its second
 /// derivatives, where formulas need them, are central differences of the gradient; a constraint of
 /// order 1, whose motion would depend on them, cannot contain it. At load the gradient is compared
