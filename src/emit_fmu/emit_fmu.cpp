@@ -288,7 +288,7 @@ class FmuWriter {
     const auto listOf = [](const std::vector<std::string>& words) {
       return std::string("{").append(join(words, ", ")).append("}");
     };
-    for (const MotionRows::DenseTable& it : program_.rows().tables()) {
+    for (const expression::DenseTable& it : program_.rows().tables()) {
       const std::string name = "fmu_table_" + std::to_string(of_one.size());
       const std::string x = std::to_string(it.points.front().size());
       const std::string y = std::to_string(it.points.back().size());

@@ -46,16 +46,17 @@ struct FmuParameters::Form {
       append(&fixed, list.values);
     }
     for (const std::vector<double>& points : it.passages) append(&fixed, points);
-    for (const MotionRows::DenseTable& table : it.rows().tables()) {
+    for (const expression::DenseTable& table : it.rows().tables()) {
       for (const std::vector<double>& points : table.points) append(&fixed, points);
       append(&fixed, table.pieces);
     }
     // Factors of 1 and equal numbers change linear combinations only.
-    for (const auto part : {MotionRows::Part::kGiven, MotionRows::Part::kTried,
-                            MotionRows::Part::kRest, MotionRows::Part::kAtOnce}) {
-      for (const MotionRows::Statement& statement : it.rows().statements(part)) {
-        if (statement.it->code == MotionRows::Code::kLinear) continue;
-        nonlinear.push_back(static_cast<int>(part) * 100 + static_cast<int>(statement.it->code));
+    for (const auto part :
+         {expression::SeriesProgram::Part::kGiven, expression::SeriesProgram::Part::kTried,
+          expression::SeriesProgram::Part::kRest, expression::SeriesProgram::Part::kAtOnce}) {
+      for (const auto* statement : it.rows().instructions(part)) {
+        if (statement->code == expression::SeriesProgram::Code::kLinear) continue;
+        nonlinear.push_back(static_cast<int>(part) * 100 + static_cast<int>(statement->code));
       }
     }
     std::sort(nonlinear.begin(), nonlinear.end());

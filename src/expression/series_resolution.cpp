@@ -17,7 +17,7 @@ SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
 #undef VARIATOR_SIM_KIND
                                 kSeriesTable,
                             kSeriesTable, kSeriesOpaque};
-  SeriesOperation made = {kSeriesSum, it.result, -1, it.operands[0], -1, 0, it.state,
+  SeriesOperation made = {kSeriesSum, it.result, -1, it.operands[0], -1, 0, it.mode,
                           kNoDegree,  0.0,       0.0};
   made.kind = kKinds[static_cast<int>(it.code)];
   const bool is_of_two =
@@ -33,7 +33,8 @@ SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
     made.b = it.operands[3];
   }
   if (made.kind == kSeriesTable) {
-    made.f = 6.0;
+    made.state = it.piece;
+    made.f = made.b < 0 ? 1.0 : Table::kDegree + 1.0;  // from a power of a to the next
   }
   if (made.kind == kSeriesNone) made.a = -1;
   return made;
@@ -59,7 +60,7 @@ std::vector<SeriesOperation> SeriesProgram::operationsOf(const Instruction& it) 
     for (const int n : {2, 0}) {
       made.a = it.operands[n];
       made.b = it.operands[n + 1];
-      made.state = n;
+      made.state = it.piece + 1 + n;
       if (made.a >= 0) operations.push_back(made);
     }
   } else if (made.a >= 0) {
@@ -70,7 +71,6 @@ std::vector<SeriesOperation> SeriesProgram::operationsOf(const Instruction& it) 
 
 void SeriesProgram::listResolved() {
   std::set<int> needed(outputs_.begin(), outputs_.end());
-  resolved_.clear();
   for (auto it = instructions_.rbegin(); it != instructions_.rend(); ++it) {
     const std::vector<SeriesOperation> operations = operationsOf(*it);
     if (needed.count(it->result) == 0 &&
@@ -80,7 +80,7 @@ void SeriesProgram::listResolved() {
     for (const SeriesOperation& made : operations) {
       needed.insert(made.a);
       if (made.b >= 0) needed.insert(made.b);
-      resolved_.push_back(made);
+      if (it->part != Part::kAtOnce) resolved_.push_back(made);
     }
   }
   std::reverse(resolved_.begin(), resolved_.end());
@@ -114,7 +114,8 @@ std::vector<int> SeriesProgram::rowsReadBy(const Instruction& it) const {
   return rows;
 }
 
-std::vector<bool> SeriesProgram::findNeeded(std::vector<int> open) const {
+std::vector<bool> SeriesProgram::findNeeded(std::size_t count) const {
+  std::vector<int> open(outputs_.begin(), outputs_.begin() + static_cast<std::ptrdiff_t>(count));
   std::map<int, std::size_t> producer;
   for (std::size_t n = 0; n < instructions_.size(); ++n) {
     const Instruction& it = instructions_[n];
@@ -131,6 +132,44 @@ std::vector<bool> SeriesProgram::findNeeded(std::vector<int> open) const {
     open.insert(open.end(), read.begin(), read.end());
   }
   return needed;
+}
+
+void SeriesProgram::findPlaces(std::size_t tried, std::size_t series) {
+  const std::vector<bool> is_tried = findNeeded(tried);
+  const std::vector<bool> is_series = findNeeded(series);
+  std::vector<bool> grows(degree_.size());
+  for (std::size_t n = 0; n < instructions_.size(); ++n) {
+    Instruction& it = instructions_[n];
+    // A rate is written one order after its operand.
+    it.ends = degree(it.result) + (it.code == Code::kRate ? 1 : 0);
+    it.last = it.operands[1] < 0 ? 0 : degree(it.operands[1]);
+    it.part = !is_series[n]               ? Part::kAtOnce
+              : !isAccelerated(it.result) ? Part::kGiven
+              : is_tried[n]               ? Part::kTried
+                                          : Part::kRest;
+    parts_[static_cast<std::size_t>(it.part)].push_back(&it);
+    const std::vector<int> read = rowsReadBy(it);
+    const bool may_grow = it.code == Code::kExp || it.code == Code::kSinhCosh ||
+                          std::any_of(read.begin(), read.end(), [&](int row) {
+                            return grows[static_cast<std::size_t>(row)];
+                          });
+    grows[static_cast<std::size_t>(it.result)] = may_grow;
+    if (it.code == Code::kSinhCosh) grows[static_cast<std::size_t>(it.aux[0])] = true;
+    it.limit = limitOf(it, grows);
+    if (it.table < 0) continue;
+    it.rows = rows_;
+    rows_ += it.code == Code::kTable2 ? 11 : 3;
+  }
+}
+
+int SeriesProgram::limitOf(const Instruction& it, const std::vector<bool>& grows) const {
+  const bool has_limit = it.code == Code::kDivide || it.code == Code::kTanh ||
+                         it.code == Code::kExp ||
+                         (it.code >= Code::kLog && it.code <= Code::kAtan2);
+  const int of = it.operands[it.code == Code::kDivide ? 1 : 0];
+  const bool may_stay = has_limit && it.ends >= kNoDegree && grows[static_cast<std::size_t>(of)] &&
+                        !has_pole_[static_cast<std::size_t>(of)];
+  return may_stay ? of : -1;
 }
 
 }  // namespace variator_sim::expression

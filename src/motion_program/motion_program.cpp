@@ -44,8 +44,7 @@ MotionProgram::MotionProgram(const Scene& scene, std::vector<Node> shown, Steps 
       fixed_step(isFixedStep(stepper) ? scene.solver.step : 0.0),
       formulas_(collectFormulas(scene)),
       shown_(std::move(shown)),
-      program_(compile(scene)),
-      rows_(program_, series_) {
+      program_(compile(scene)) {
   setSizes(scene);
   setLists(scene);
   setInputs(scene);
@@ -60,7 +59,7 @@ MotionProgram::MotionProgram(const Scene& scene, std::vector<Node> shown, Steps 
 void MotionProgram::listShown() {
   std::set<int> shown;
   for (int r = 0; r < STATE + STATES; ++r) shown.insert(r);
-  for (int n = 0; n < series_; ++n) shown.insert(program_.output(n));
+  for (std::size_t n = 0; n < series_; ++n) shown.insert(program_.output(static_cast<int>(n)));
   for (const expression::SeriesOperation& it : resolved.values) {
     for (const int r : {it.result, it.second, it.a, it.b}) {
       if (expression::seriesMayHide(&it, 0) && r >= 0) shown.insert(r);
@@ -82,7 +81,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   add(formulas_.residual);
   if (IS_CLASSICAL != 0) add(formulas_.entry);
   if (IS_CLASSICAL != 0 || formulas_.has_directions) add(formulas_.direction);
-  const std::vector<Node> trial = outputs_;
+  const std::size_t tried = outputs_.size();
   if (IS_CLASSICAL == 0) add(formulas_.entry);
   add(formulas_.torque);
   add(formulas_.inertia);
@@ -98,7 +97,7 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
     add({it.slip, it.torque, it.upper, it.lower, it.level, it.gap});
     if (it.load >= 0) add({it.slope[0], it.slope[1], it.base[0], it.base[1]});
   }
-  series_ = static_cast<int>(outputs_.size());
+  series_ = outputs_.size();
   const auto anyReads = [&](Source source, int i) {
     return std::any_of(outputs_.begin(), outputs_.end(),
                        [&](Node node) { return scene.graph->dependsOn(node, slotOf(source, i)); });
@@ -112,10 +111,8 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   add(formulas_.input_slope);
   add(formulas_.set);
   add(shown_);
-  const std::vector<Node> others(outputs_.begin() + static_cast<std::ptrdiff_t>(trial.size()),
-                                 outputs_.end());
   try {
-    return {*scene.graph, trial, others, listSlots(scene)};
+    return {*scene.graph, outputs_, tried, series_, listSlots(scene)};
   } catch (const std::invalid_argument& error) {
     throw SceneError("", std::string("the formulas have ") + error.what());
   }
@@ -227,10 +224,10 @@ void MotionProgram::setSizes(const Scene& scene) {
   PULL = 1 + 3 * S + K;
   TRANSMITTED = IS_CLASSICAL != 0 || TRANSMITS == 0 ? MULTIPLIER : PULL + S;
   TOLD_MULTIPLIER = IS_FORMAL != 0 ? TRANSMITTED : MULTIPLIER;
-  SCENE_ROWS = rows_.rows();
+  SCENE_ROWS = program_.rows();
   SCENE_STRIDE = (std::max(SCENE_ORDER, SeriesProgram::kAlong) + 4) / 4 * 4 + 4;
-  SCENE_MODES = std::max(1, rows_.modes());
-  SCENE_PIECES = std::max(1, rows_.pieces());
+  SCENE_MODES = std::max(1, program_.modes());
+  SCENE_PIECES = std::max(1, program_.pieces());
   SCENE_MOBILITY = IS_COUPLED != 0 ? S * S : S;
   const double tolerance = scene.solver.relative_tolerance;
   RELATIVE_TOLERANCE = tolerance;
@@ -327,7 +324,7 @@ void MotionProgram::setLists(const Scene& scene) {
     sign_row.values.push_back(rowOf(it.argument));
     sign_jumps.values.push_back(static_cast<int>(it.jumps));
   }
-  for (const auto& [row, value] : rows_.constants()) {
+  for (const auto& [row, value] : program_.constants()) {
     constant_row.values.push_back(row);
     constant_value.values.push_back(value);
   }
@@ -340,7 +337,7 @@ void MotionProgram::setLists(const Scene& scene) {
   for (const std::vector<double>& points : passages) {
     passage_points.values.push_back(points.data());
   }
-  resolved.values = rows_.resolved();
+  resolved.values = program_.resolved();
   SIGNS = static_cast<int>(sign_row.values.size());
   TABLES = static_cast<int>(passages.size());
   SCENE_MODES += SIGNS + TABLES;  // VS_RESTS
@@ -460,11 +457,11 @@ std::vector<const MotionList<double>*> MotionProgram::numberLists() const {
 }
 
 std::vector<double> MotionProgram::numbers() const {
-  std::vector<double> made = rows_.numbers();
+  std::vector<double> made = program_.numbers();
   const auto add = [&made](const std::vector<double>& more) {
     made.insert(made.end(), more.begin(), more.end());
   };
-  for (const MotionRows::DenseTable& it : rows_.tables()) {
+  for (const expression::DenseTable& it : program_.tables()) {
     for (const std::vector<double>& axis : it.points) add(axis);
     add(it.pieces);
   }

@@ -7,7 +7,6 @@
 
 #include "expression/series_program.h"
 #include "motion_program/motion_data.h"
-#include "motion_program/motion_rows.h"
 #include "motion_program/scene_formulas.h"
 #include "variator_sim/scene.h"
 
@@ -50,7 +49,7 @@ class MotionProgram : public MotionData {
   void requireText() const {
     if (formulas_.no_text) throw SceneError(*formulas_.no_text);
   }
-  const MotionRows& rows() const { return rows_; }
+  const expression::SeriesProgram& rows() const { return program_; }
   /// Returns the switching functions, in the order of SIGNS.
   const std::vector<expression::Branch>& branches() const { return formulas_.signs; }
   /// Returns the names of elements that hold, in the order of HOLDS: the part behind a slash.
@@ -106,6 +105,9 @@ class MotionProgram : public MotionData {
   int rowOf(expression::Node node) const;
   /// Returns the lists that are among numbers().
   std::vector<const MotionList<double>*> numberLists() const;
+  /// Writes the functions of all rows, with the tables before them, or for a program that reads
+  /// these and all numbers from vs_numbers.
+  std::string writeRows(bool shares) const;
   std::string writeLists(bool shares) const;
   std::string writeSharedLists() const;
   std::string writeResolution(bool shares) const;
@@ -116,9 +118,8 @@ class MotionProgram : public MotionData {
   const SceneFormulas formulas_;
   const std::vector<expression::Node> shown_;
   std::vector<expression::Node> outputs_;
-  int series_ = 0;  ///< outputs that are needed as series
+  std::size_t series_ = 0;  ///< outputs that are needed as series
   const expression::SeriesProgram program_;
-  MotionRows rows_;
 };
 
 }  // namespace variator_sim

@@ -164,7 +164,7 @@ std::string MotionProgram::writeMotion(const std::string& operations, bool share
   std::string text = writeLists(shares);
   text += SCENE_ROWS <= kMostRows ? writeOrders(shares) : "#define VS_ORDER_VARIES\n";
   return text + operations + (shares ? "" : kTableData) + kTableFunctions +
-         "\n/* ---- The scene's formulas: coefficients n ---- */\n" + rows_.write(shares) +
+         "\n/* ---- The scene's formulas: coefficients n ---- */\n" + writeRows(shares) +
          writeResolution(shares) + kMotion;
 }
 

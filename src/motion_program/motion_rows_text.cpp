@@ -1,14 +1,19 @@
-// The statements of a motion as C.
+// The instructions of a motion as C.
 #include <cctype>
 
 #include "motion_program/c_text.h"
-#include "motion_program/motion_rows.h"
+#include "motion_program/motion_program.h"
 
 namespace variator_sim {
 
+using expression::DenseTable;
 using expression::SeriesProgram;
 
 namespace {
+
+using Code = SeriesProgram::Code;
+using Instruction = SeriesProgram::Instruction;
+using Part = SeriesProgram::Part;
 
 /// The calls of VARIATOR_SIM_SERIES_FUNCTIONS, by Code.
 constexpr const char* kCalls[] = {"",
@@ -17,18 +22,15 @@ constexpr const char* kCalls[] = {"",
 #undef VARIATOR_SIM_CALL
 };
 
-}  // namespace
-
 /// Writes the functions of all parts.
-class MotionRows::Writer {
+class Writer {
  public:
-  Writer(const MotionRows& rows, bool shares)
-      : rows_(rows), program_(rows.program_), shares_(shares) {}
+  Writer(const SeriesProgram& program, bool shares) : program_(program), shares_(shares) {}
 
   std::string write() const {
     std::string text;
-    for (std::size_t n = 0; n < rows_.tables_.size() && !shares_; ++n) {
-      text += writeTable(rows_.tables_[n], static_cast<int>(n));
+    for (std::size_t n = 0; n < program_.tables().size() && !shares_; ++n) {
+      text += writeTable(program_.tables()[n], static_cast<int>(n));
     }
     const std::string constants =
         shares_ ? "  const double *const c = it->numbers->constants;\n  (void)c;\n" : "";
@@ -43,7 +45,7 @@ class MotionRows::Writer {
     };
     const auto textOf = [this](Part part) {
       std::string body;
-      for (const Statement& made : rows_.statements(part)) body += "  " + write(made) + "\n";
+      for (const Instruction* it : program_.instructions(part)) body += "  " + write(*it) + "\n";
       return body;
     };
     add("given", "Rows that read no acceleration.", textOf(Part::kGiven));
@@ -66,12 +68,12 @@ class MotionRows::Writer {
   }
 
   std::string constant(const Instruction& it) const {
-    return number(it.constant, rows_.placeOf(it));
+    return number(it.constant, program_.placeOf(it));
   }
 
   /// Appends factor x, Term `place`, to a sum.
   std::string addTerm(const std::string& sum, int place, const std::string& x) const {
-    double factor = program_.terms_[static_cast<std::size_t>(place)].factor;
+    double factor = program_.terms()[static_cast<std::size_t>(place)].factor;
     if (factor == 1.0) return sum.empty() ? x : sum + " + " + x;
     if (factor == -1.0) return sum.empty() ? "-" + x : sum + " - " + x;
     std::string product = number(factor, static_cast<std::size_t>(place)) + " * " + x;
@@ -82,7 +84,7 @@ class MotionRows::Writer {
   std::string sumOfTerms(const Instruction& it) const {
     std::string sum;
     for (int place = it.aux[0]; place < it.aux[0] + it.aux[1]; ++place) {
-      sum = addTerm(sum, place, row(program_.terms_[static_cast<std::size_t>(place)].row) + "[n]");
+      sum = addTerm(sum, place, row(program_.terms()[static_cast<std::size_t>(place)].row) + "[n]");
     }
     const std::string y = row(it.result);
     std::string statement = y + "[n] = " + sum + ";";
@@ -97,7 +99,7 @@ class MotionRows::Writer {
       if (word == "z") return row(it.aux[0]);
       if (word == "last") return std::to_string(it.last);
       if (word == "constant") return constant(it);
-      if (word == "mode") return mode(it);
+      if (word == "mode") return "s + " + std::to_string(it.mode);
       if (word.size() == 1 && word[0] >= 'a' && word[0] <= 'd')
         return row(it.operands[word[0] - 'a']);
       return word;
@@ -129,7 +131,7 @@ class MotionRows::Writer {
     std::string sum;
     if (it.code == Code::kLinear) {
       for (int place = it.aux[0]; place < it.aux[0] + it.aux[1]; ++place) {
-        const int of = program_.terms_[static_cast<std::size_t>(place)].row;
+        const int of = program_.terms()[static_cast<std::size_t>(place)].row;
         if (program_.isAccelerated(of)) sum = addTerm(sum, place, change(of));
       }
       return sum;
@@ -147,14 +149,13 @@ class MotionRows::Writer {
     return (sum.empty() ? "" : sum + " + ") + change(b) + " * " + row(a) + "[0]";
   }
 
-  /// Returns the statements that correct coefficient n of a statement's results for those of the
+  /// Returns the statements that correct coefficient n of an instruction's results for those of the
   /// accelerations; the changes of its operands are declared before. Functions without a simple
   /// change are computed anew, and so are quotients that may stay at a limit.
-  std::string correct(const Statement& made) const {
-    const Instruction& it = *made.it;
+  std::string correct(const Instruction& it) const {
     const std::string y = row(it.result) + "[n]";
     if (it.code == Code::kMultiply || it.code == Code::kSquare || it.code == Code::kLinear ||
-        (it.code == Code::kDivide && made.limit < 0)) {
+        (it.code == Code::kDivide && it.limit < 0)) {
       std::string text = "const Real " + change(it.result) + " = " + changeOf(it) + ";\n  " + y +
                          " += " + change(it.result) + ";";
       if (it.code == Code::kDivide && program_.isAccelerated(it.operands[1])) {
@@ -163,34 +164,28 @@ class MotionRows::Writer {
       }
       return text;
     }
-    if (it.code == Code::kRate || it.code == Code::kWronskian) return write(made);
+    if (it.code == Code::kRate || it.code == Code::kWronskian) return write(it);
     std::vector<int> rows = {it.result};
-    if (hasTwoResults(it)) rows.push_back(it.aux[0]);
+    if (it.hasTwoResults()) rows.push_back(it.aux[0]);
     std::string before;
     std::string after;
     for (const int of : rows) {
       before += "Real " + change(of) + " = -" + row(of) + "[n];\n  ";
       after += "\n  " + change(of) + " += " + row(of) + "[n];";
     }
-    return before + write(made) + after;
+    return before + write(it) + after;
   }
 
-  /// Writes the place of a mode.
-  std::string mode(const Instruction& it) const {
-    return "s + " + std::to_string(rows_.mode_of_state_.at(it.state));
-  }
-
-  std::string write(const Statement& made) const {
-    const Instruction& it = *made.it;
+  std::string write(const Instruction& it) const {
     const std::string y = row(it.result);
-    if (made.table < 0) {
+    if (it.table < 0) {
       std::string call = compute(it);
-      if (made.limit < 0) return call;
-      return "if (vs_is_at_limit(" + row(made.limit) + ", " + y + ", n)) " + y +
+      if (it.limit < 0) return call;
+      return "if (vs_is_at_limit(" + row(it.limit) + ", " + y + ", n)) " + y +
              "[n] = 0.0;\n  else " + call;
     }
     const bool has_two = it.code == Code::kTable2;
-    const std::string rows = std::to_string(made.rows);
+    const std::string rows = std::to_string(it.rows);
     const bool ends = it.ends < SeriesProgram::kNoDegree;
     return (ends ? "if (n <= " + std::to_string(it.ends) + ") " : "") +
            std::string(has_two ? "vs_look_up_two(r + " : "vs_look_up(" + y + ", r + ") + rows +
@@ -198,9 +193,9 @@ class MotionRows::Writer {
            (!shares_  ? "&table_"
             : has_two ? "it->numbers->table_of_two + "
                       : "it->numbers->table + ") +
-           std::to_string(made.table) + ", s + " + std::to_string(made.mode) + ", a + " +
-           std::to_string(made.piece) + ", n);" +
-           (has_two ? "\n  " + y + "[n] = " + row(made.rows) + "[n];" : "");
+           std::to_string(it.table) + ", s + " + std::to_string(it.mode) + ", a + " +
+           std::to_string(it.piece) + ", n);" +
+           (has_two ? "\n  " + y + "[n] = " + row(it.rows) + "[n];" : "");
   }
 
   static std::string writeTable(const DenseTable& table, int index) {
@@ -221,31 +216,25 @@ class MotionRows::Writer {
 
   std::string writeCorrections() const {
     std::string text;
-    for (const int of : rows_.accelerations()) {
+    for (const int of : program_.accelerations()) {
       text += "  const Real " + change(of) + " = de[" +
-              std::to_string(of - rows_.accelerations().front()) + "];\n  (void)" + change(of) +
+              std::to_string(of - program_.accelerations().front()) + "];\n  (void)" + change(of) +
               ";\n";
     }
-    for (const Statement& made : rows_.statements(Part::kTried)) {
-      text += "  " + correct(made) + "\n";
+    for (const Instruction* it : program_.instructions(Part::kTried)) {
+      text += "  " + correct(*it) + "\n";
     }
     return text;
   }
 
-  const MotionRows& rows_;
   const SeriesProgram& program_;
   const bool shares_;
 };
 
-std::vector<double> MotionRows::numbers() const {
-  std::vector<double> made;
-  for (const Term& term : program_.terms_) made.push_back(term.factor);
-  for (const Instruction& it : program_.instructions_) made.push_back(it.constant);
-  return made;
-}
+}  // namespace
 
-std::string MotionRows::write(bool shares) const {
-  return Writer(*this, shares).write();
+std::string MotionProgram::writeRows(bool shares) const {
+  return Writer(program_, shares).write();
 }
 
 }  // namespace variator_sim

@@ -18,9 +18,9 @@ namespace variator_sim {
 #include "runtime/radau_tables.h"
 
 /// Lists every table as both kinds.
-static void listTables(const MotionRows& rows, std::vector<vs_table>* one,
+static void listTables(const expression::SeriesProgram& rows, std::vector<vs_table>* one,
                        std::vector<vs_table_of_two>* two) {
-  for (const MotionRows::DenseTable& it : rows.tables()) {
+  for (const expression::DenseTable& it : rows.tables()) {
     const std::vector<double>& x = it.points.front();
     const std::vector<double>& y = it.points.back();
     const int count = static_cast<int>(x.size());
