@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "expression/series_text.h"
 #include "io/text_file.h"
 #include "io/whole_file.h"
 #include "motion_program/c_text.h"
@@ -246,9 +245,7 @@ class Emission {
     return "/* " + title_ + ", written by `simulate --emit-c`. */\n#include \"" + name_ +
            ".h\"\n\n#include <float.h>\n#include <math.h>\n#include <string.h>\n\n" + writeNames() +
            "\n/* The first state */\n" + writeStart() + "\n" +
-           withName(
-               program_.writeMotion(expression::kOperationsText, false) + kCommands + kInterface,
-               name_);
+           withName(program_.writeMotion(false) + kCommands + kInterface, name_);
   }
 
   Simulation& simulation_;

@@ -7,7 +7,6 @@
 
 #include "emit_fmu/fmu_parameters.h"
 #include "expression/series_dot.h"
-#include "expression/series_text.h"
 #include "io/text_file.h"
 #include "model/number_text.h"
 #include "motion_program/c_text.h"
@@ -381,10 +380,9 @@ class FmuWriter {
            "#define VS_FUNCTION static __attribute__((unused))\n#define VS_FUNCTION_INLINE "
            "VS_INLINE\n#define VS_FUNCTION_RARE VS_RARE\n" +
            "#define UNITS 1\n#define UNIT 0\n" + program_.writeExtents() + kSceneHeader +
-           kTableData + kExchangeData + program_.writeMotion(expression::kOperationsText, true) +
-           kExchange + kCommands + kHost + "\n" + writeLists() + writeTables() + writeNumbers() +
-           writePowers() + writeAllowed() + writeConstants() + writeStart() + kFmu +
-           (version_ == 2 ? kFmi2 : kFmi3);
+           kTableData + kExchangeData + program_.writeMotion(true) + kExchange + kCommands + kHost +
+           "\n" + writeLists() + writeTables() + writeNumbers() + writePowers() + writeAllowed() +
+           writeConstants() + writeStart() + kFmu + (version_ == 2 ? kFmi2 : kFmi3);
   }
 
   Simulation& simulation_;

@@ -18,8 +18,8 @@
 #include <cmath>
 #include <system_error>
 
-#include "formula_text.h"
-#include "operations.h"
+#include "expression/characters.h"
+#include "expression/operations.h"
 #include "variator_sim/parameter_tree.h"
 
 namespace variator_sim::expression {
@@ -31,11 +31,11 @@ constexpr const char* kDelay = "delay";
 
 /// Reads one text. A rule's function consumes the rule's text, makes its nodes and leaves the
 /// position at the next token; it throws on an error.
-class Parser : private FormulaText {
+class Parser {
  public:
   Parser(const std::string& text, const SymbolTable& symbols, Graph& graph,
          const NameExplainer& explain, const NamedTables& tables, const DelayMaker& delay)
-      : FormulaText(text),
+      : text_(text),
         symbols_(symbols),
         graph_(graph),
         explain_(explain),
@@ -51,6 +51,58 @@ class Parser : private FormulaText {
   const std::set<std::string>& used() const { return used_; }
 
  private:
+  // ---------------------------------------------------------------------------------------- tokens
+  /// Moves to `offset` or, from white space, to the token behind it, never in between.
+  void moveTo(std::size_t offset) {
+    position_ = offset;
+    while (position_ < text_.size() && isSpace(text_[position_])) ++position_;
+  }
+
+  bool isAt(std::size_t offset, char c) const {
+    return offset < text_.size() && text_[offset] == c;
+  }
+  bool isDigitAt(std::size_t offset) const {
+    return offset < text_.size() && isDigit(text_[offset]);
+  }
+
+  bool accept(char c) {
+    if (!isAt(position_, c)) return false;
+    moveTo(position_ + 1);
+    return true;
+  }
+
+  /// Returns the end of the name that begins at `offset`.
+  std::size_t endOfName(std::size_t offset) const {
+    while (offset < text_.size() && (isNameStart(text_[offset]) || isDigit(text_[offset]))) {
+      ++offset;
+    }
+    return offset;
+  }
+
+  bool beginsNumber(std::size_t offset) const {
+    return isDigitAt(offset) || (isAt(offset, '.') && isDigitAt(offset + 1));
+  }
+
+  [[noreturn]] void fail(std::size_t where, const std::string& message) const {
+    throw ExpressionError(message, text_, columnOf(text_, where));
+  }
+
+  /// Returns the token at `where`: a name, a number or one character.
+  std::string piece(std::size_t where) const {
+    std::size_t end = where + 1;
+    if (isNameStart(text_[where])) {
+      end = endOfName(end);
+    } else if (isDigit(text_[where])) {
+      while (isDigitAt(end) || isAt(end, '.')) ++end;
+    } else {
+      while (end < text_.size() && continuesCharacter(text_[end])) ++end;
+    }
+    return text_.substr(where, end - where);
+  }
+  std::string describe(std::size_t where) const {
+    return where == text_.size() ? "the end" : inQuotes(piece(where));
+  }
+
   // ----------------------------------------------------------------------------------------- rules
   Node sum() {
     return chain(&Parser::product, {'+', Operation::kAdd}, {'-', Operation::kSubtract});
@@ -148,15 +200,13 @@ class Parser : private FormulaText {
   Node number() {
     const std::size_t begin = position_;
     countOperand(begin);
-    const std::size_t end = endOfNumber(begin);
-    const std::string digits = text_.substr(begin, end - begin);
     double value = 0.0;
-    const auto [stop, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    const char* const first = text_.data() + begin;
+    const auto [stop, error] = std::from_chars(first, text_.data() + text_.size(), value);
+    const std::string digits(first, stop);
+    const std::size_t end = begin + digits.size();
     if (error == std::errc::result_out_of_range) {
       fail(begin, "the number " + digits + " is too large or too small for double precision");
-    }
-    if (error != std::errc() || stop != digits.data() + digits.size()) {
-      fail(begin, inQuotes(digits) + " is not a number");
     }
     if (end < text_.size() && (isNameStart(text_[end]) || text_[end] == '.')) {
       fail(end, "unexpected " + describe(end) + " after the number " + digits +
@@ -397,6 +447,8 @@ class Parser : private FormulaText {
                     "; functions are " + joinNames(callableNames()));
   }
 
+  const std::string& text_;
+  std::size_t position_ = 0;
   const SymbolTable& symbols_;
   Graph& graph_;
   const NameExplainer& explain_;

@@ -57,20 +57,4 @@ std::string arrayOf(const std::string& type, const std::string& name,
   return "static const " + type + " " + name + "[] = {" + (text.empty() ? "0" : text) + "};\n";
 }
 
-std::string arrayOf(const std::string& type, const std::string& name,
-                    const std::vector<double>& values) {
-  std::vector<std::string> words;
-  words.reserve(values.size());
-  for (const double value : values) words.push_back(literalOf(value));
-  return arrayOf(type, name, words);
-}
-
-std::string arrayOf(const std::string& type, const std::string& name,
-                    const std::vector<int>& values) {
-  std::vector<std::string> words;
-  words.reserve(values.size());
-  for (const int value : values) words.push_back(std::to_string(value));
-  return arrayOf(type, name, words);
-}
-
 }  // namespace variator_sim

@@ -10,8 +10,11 @@ namespace variator_sim {
 
 /// status.h, scene.h, state.h, series.h, model.h, calls.h
 extern const char* const kSceneHeader;
-/// tables.h, which the scene's formulas call, with operations.h before it.
+/// operations.h and tables.h, which the scene's formulas call.
+extern const char* const kOperations;
 extern const char* const kTableFunctions;
+/// series_operation.inc, series_resolution.inc, series_ranges.inc
+extern const char* const kSeriesCheck;
 /// The motion; it calls the scene's formulas.
 extern const char* const kMotion;
 /// The functions of calls.h.
@@ -41,12 +44,18 @@ std::string inCapitals(std::string name);
 
 /// Writes a double as C, exactly.
 std::string literalOf(double value);
+inline std::string literalOf(int value) {
+  return std::to_string(value);
+}
 /// Writes `static const TYPE NAME[] = {..};`, which has one element more if there are none.
 std::string arrayOf(const std::string& type, const std::string& name,
-                    const std::vector<double>& values);
-std::string arrayOf(const std::string& type, const std::string& name,
-                    const std::vector<int>& values);
-std::string arrayOf(const std::string& type, const std::string& name,
                     const std::vector<std::string>& values);
+template <class Value>
+std::string arrayOf(const std::string& type, const std::string& name,
+                    const std::vector<Value>& values) {
+  std::vector<std::string> words;
+  for (const Value value : values) words.push_back(literalOf(value));
+  return arrayOf(type, name, words);
+}
 
 }  // namespace variator_sim

@@ -71,9 +71,10 @@ class MotionProgram : public MotionData {
   std::string writeKernel() const;
   /// Writes the sizes of a series as enumerators.
   std::string writeExtents() const;
-  /// Writes all that comes behind the declarations of scene.h to calls.h: sizes, lists,
-  /// `operations`, tables, formulas, and the motion.
-  std::string writeMotion(const std::string& operations, bool shares) const;
+  /// Writes all that comes behind the declarations of scene.h to calls.h: sizes, lists, operations,
+  /// tables, formulas, and the motion; `shares`: as a program that reads all numbers from
+  /// vs_numbers.
+  std::string writeMotion(bool shares) const;
 
  private:
   expression::SeriesProgram compile(const Scene& scene);

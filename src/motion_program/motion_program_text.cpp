@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "expression/series_dot.h"
-#include "expression/series_text.h"
 #include "machine_code/kernel_library.h"
 #include "motion_program/c_text.h"
 #include "motion_program/motion_program.h"
@@ -117,8 +116,7 @@ std::string MotionProgram::integersOf(const expression::SeriesOperation& it) {
 std::string MotionProgram::writeResolution(bool shares) const {
   std::string text =
       std::string("\n/* ---- Whether the series show all of their functions. ---- */\n\n") +
-      expression::kSeriesOperationText + expression::kSeriesResolutionText +
-      expression::kSeriesRangesText;
+      kSeriesCheck;
   if (shares) return text + writeHiding();
   text += "static const struct SeriesOperation resolved[] = {\n";
   for (const expression::SeriesOperation& it : resolved.values) {
@@ -157,13 +155,13 @@ std::string MotionProgram::writeHiding() const {
          reaches + sums + "  return sum;\n}\n";
 }
 
-std::string MotionProgram::writeMotion(const std::string& operations, bool shares) const {
+std::string MotionProgram::writeMotion(bool shares) const {
   // A function for each order, unless a scene has so many rows that compiling them takes long: then
   // one of loops.
   constexpr int kMostRows = 200;
   std::string text = writeLists(shares);
   text += SCENE_ROWS <= kMostRows ? writeOrders(shares) : "#define VS_ORDER_VARIES\n";
-  return text + operations + (shares ? "" : kTableData) + kTableFunctions +
+  return text + kOperations + (shares ? "" : kTableData) + kTableFunctions +
          "\n/* ---- The scene's formulas: coefficients n ---- */\n" + writeRows(shares) +
          writeResolution(shares) + kMotion;
 }
@@ -193,9 +191,9 @@ std::string MotionProgram::writeKernel() const {
          // (The library's own functions, by -fno-builtin; these are exact everywhere.)
          "#ifdef __GNUC__\n#define fabs __builtin_fabs\n#define sqrt __builtin_sqrt\n"
          "#define memcpy __builtin_memcpy\n#define memset __builtin_memset\n#endif\n" +
-         writeExtents() + kSceneHeader + kTableData + kExchangeData +
-         writeMotion(expression::kOperationsText, true) + kExchange + kCommands + kHost +
-         KernelLibrary::kLastUnit + kHostKernel + KernelLibrary::kEndOfUnit;
+         writeExtents() + kSceneHeader + kTableData + kExchangeData + writeMotion(true) +
+         kExchange + kCommands + kHost + KernelLibrary::kLastUnit + kHostKernel +
+         KernelLibrary::kEndOfUnit;
 }
 
 }  // namespace variator_sim

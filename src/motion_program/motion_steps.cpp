@@ -4,7 +4,6 @@
 #include <cfloat>
 #include <cmath>
 #include <cstring>
-#include <initializer_list>
 #include <limits>
 #include <string>
 
@@ -84,10 +83,10 @@ std::unique_ptr<HostedMotion> hostMotion(const MotionProgram& program) {
 namespace {
 
 /// A kernel, its constants and the memory of its model.
-class CompiledMotion {
+class CompiledMotion final : public HostedMotion {
  public:
   CompiledMotion(std::shared_ptr<KernelLibrary> library, const MotionProgram& program)
-      : library_(std::move(library)), memory_(call<unsigned long>("size") / sizeof(double) + 1) {
+      : library_(std::move(library)) {
     listTables(program.rows(), &tables_, &tables_of_two_);
     constants_ = program.rows().numbers();
     numbers_ = {program.RELATIVE_TOLERANCE,
@@ -104,82 +103,72 @@ class CompiledMotion {
                 program.restitution,
                 program.closes_below,
                 program.delay_of};
-    call<void>("begin", model(), static_cast<const vs_numbers*>(&numbers_));
+    unsigned long (*size)() = nullptr;
+    void (*prepare)(void*, const vs_numbers*) = nullptr;
+    find("size", &size);
+    find("begin", &prepare);
+    find("host_begin", &begin_);
+    find("host_leave", &leave_);
+    find("host_step", &step_);
+    find("host_cut", &cut_);
+    find("host_change", &change_);
+    find("host_see", &see_);
+    find("host_work", &work_);
+    find("host_look", &look_);
+    if (!has_all_) return;
+    memory_.resize(size() / sizeof(double) + 1);
+    prepare(model(), &numbers_);
   }
   CompiledMotion(const CompiledMotion&) = delete;
   CompiledMotion& operator=(const CompiledMotion&) = delete;
 
-  void* model() { return memory_.data(); }
-  template <class Result, class... Arguments>
-  auto find(const char* name) const {
-    return reinterpret_cast<Result (*)(Arguments...)>(
-        library_->find((std::string("vs_kernel_") + name).c_str()));
+  /// False where the library lacks a function.
+  bool hasAll() const { return has_all_; }
+  scene_status begin(const vs_exchange& from) override { return asStatus(begin_(model(), &from)); }
+  void leave(vs_exchange* to) override { leave_(model(), to); }
+  scene_status step(double left, vs_exchange* to) override {
+    return asStatus(step_(model(), left, to));
   }
-  template <class Result, class... Arguments>
-  Result call(const char* name, Arguments... arguments) const {
-    return find<Result, Arguments...>(name)(arguments...);
-  }
+  scene_status cut(double at) override { return asStatus(cut_(model(), at)); }
+  scene_status change(vs_exchange* from) override { return asStatus(change_(model(), from)); }
+  scene_status see(double at, vs_seen* to) override { return asStatus(see_(model(), at, to)); }
+  double calcWork(double at, double* through) override { return work_(model(), at, through); }
+  void look(double at, double* entry) override { look_(model(), at, entry); }
 
  private:
+  static scene_status asStatus(int status) { return static_cast<scene_status>(status); }
+  void* model() { return memory_.data(); }
+  template <class Function>
+  void find(const char* name, Function* function) {
+    *function =
+        reinterpret_cast<Function>(library_->find((std::string("vs_kernel_") + name).c_str()));
+    has_all_ = has_all_ && *function != nullptr;
+  }
+
   std::shared_ptr<KernelLibrary> library_;
+  bool has_all_ = true;
   std::vector<double> memory_;
   std::vector<vs_table> tables_;
   std::vector<vs_table_of_two> tables_of_two_;
   std::vector<double> constants_;
   vs_numbers numbers_;
+  int (*begin_)(void*, const vs_exchange*);
+  void (*leave_)(void*, vs_exchange*);
+  int (*step_)(void*, double, vs_exchange*);
+  int (*cut_)(void*, double);
+  int (*change_)(void*, vs_exchange*);
+  int (*see_)(void*, double, vs_seen*);
+  double (*work_)(void*, double, double*);
+  void (*look_)(void*, double, double*);
 };
-
-scene_status asStatus(int status) {
-  return static_cast<scene_status>(status);
-}
-
-class CompiledHost final : public HostedMotion {
- public:
-  CompiledHost(std::shared_ptr<KernelLibrary> library, const MotionProgram& program)
-      : code_(std::move(library), program) {}
-  scene_status begin(const vs_exchange& from) override {
-    return asStatus(begin_(code_.model(), &from));
-  }
-  void leave(vs_exchange* to) override { leave_(code_.model(), to); }
-  scene_status step(double left, vs_exchange* to) override {
-    return asStatus(step_(code_.model(), left, to));
-  }
-  scene_status cut(double at) override { return asStatus(cut_(code_.model(), at)); }
-  scene_status change(vs_exchange* from) override { return asStatus(change_(code_.model(), from)); }
-  scene_status see(double at, vs_seen* to) override {
-    return asStatus(see_(code_.model(), at, to));
-  }
-  double calcWork(double at, double* through) override { return work_(code_.model(), at, through); }
-  void look(double at, double* entry) override { look_(code_.model(), at, entry); }
-
- private:
-  CompiledMotion code_;
-  int (*begin_)(void*,
-                const vs_exchange*) = code_.find<int, void*, const vs_exchange*>("host_begin");
-  void (*leave_)(void*, vs_exchange*) = code_.find<void, void*, vs_exchange*>("host_leave");
-  int (*step_)(void*, double,
-               vs_exchange*) = code_.find<int, void*, double, vs_exchange*>("host_step");
-  int (*cut_)(void*, double) = code_.find<int, void*, double>("host_cut");
-  int (*change_)(void*, vs_exchange*) = code_.find<int, void*, vs_exchange*>("host_change");
-  int (*see_)(void*, double, vs_seen*) = code_.find<int, void*, double, vs_seen*>("host_see");
-  double (*work_)(void*, double, double*) = code_.find<double, void*, double, double*>("host_work");
-  void (*look_)(void*, double, double*) = code_.find<void, void*, double, double*>("host_look");
-};
-
-bool hasFunctions(const KernelLibrary& library, std::initializer_list<const char*> names) {
-  return std::all_of(names.begin(), names.end(), [&](const char* name) {
-    return library.find((std::string("vs_kernel_") + name).c_str()) != nullptr;
-  });
-}
 
 }  // namespace
 
 std::unique_ptr<HostedMotion> hostMotion(std::shared_ptr<KernelLibrary> library,
                                          const MotionProgram& program) {
-  const bool has_all =
-      hasFunctions(*library, {"size", "begin", "host_begin", "host_leave", "host_step", "host_cut",
-                              "host_change", "host_see", "host_work", "host_look"});
-  return has_all ? std::make_unique<CompiledHost>(std::move(library), program) : nullptr;
+  auto made = std::make_unique<CompiledMotion>(std::move(library), program);
+  if (!made->hasAll()) return nullptr;
+  return made;
 }
 
 }  // namespace variator_sim

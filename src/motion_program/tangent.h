@@ -49,55 +49,6 @@ struct Tangent {
     const double x = a.value / b.value;
     return make(x, 1.0 / b.value, a, -x / b.value, b);
   }
-  template <class T, class = std::enable_if_t<std::is_arithmetic_v<T>>>
-  friend Tangent operator+(T a, const Tangent& b) {
-    return make(static_cast<double>(a) + b.value, 1.0, b);
-  }
-  template <class T, class = std::enable_if_t<std::is_arithmetic_v<T>>>
-  friend Tangent operator+(const Tangent& a, T b) {
-    return make(a.value + static_cast<double>(b), 1.0, a);
-  }
-  template <class T, class = std::enable_if_t<std::is_arithmetic_v<T>>>
-  friend Tangent operator-(T a, const Tangent& b) {
-    return make(static_cast<double>(a) - b.value, -1.0, b);
-  }
-  template <class T, class = std::enable_if_t<std::is_arithmetic_v<T>>>
-  friend Tangent operator-(const Tangent& a, T b) {
-    return make(a.value - static_cast<double>(b), 1.0, a);
-  }
-  template <class T, class = std::enable_if_t<std::is_arithmetic_v<T>>>
-  friend Tangent operator*(T a, const Tangent& b) {
-    return make(static_cast<double>(a) * b.value, static_cast<double>(a), b);
-  }
-  template <class T, class = std::enable_if_t<std::is_arithmetic_v<T>>>
-  friend Tangent operator*(const Tangent& a, T b) {
-    return b * a;
-  }
-  template <class T, class = std::enable_if_t<std::is_arithmetic_v<T>>>
-  friend Tangent operator/(T a, const Tangent& b) {
-    const double x = static_cast<double>(a) / b.value;
-    return make(x, -x / b.value, b);
-  }
-  template <class T, class = std::enable_if_t<std::is_arithmetic_v<T>>>
-  friend Tangent operator/(const Tangent& a, T b) {
-    return make(a.value / static_cast<double>(b), 1.0 / static_cast<double>(b), a);
-  }
-  template <class T>
-  Tangent& operator+=(const T& b) {
-    return *this = *this + b;
-  }
-  template <class T>
-  Tangent& operator-=(const T& b) {
-    return *this = *this - b;
-  }
-  template <class T>
-  Tangent& operator*=(const T& b) {
-    return *this = *this * b;
-  }
-  template <class T>
-  Tangent& operator/=(const T& b) {
-    return *this = *this / b;
-  }
 
   friend bool isfinite(const Tangent& a) { return std::isfinite(a.value); }
   friend bool isinf(const Tangent& a) { return std::isinf(a.value); }
@@ -106,6 +57,25 @@ struct Tangent {
   friend Tangent fmin(const Tangent& a, const Tangent& b) { return b.value < a.value ? b : a; }
   friend double fmax(double a, const Tangent& b) { return std::fmax(a, b.value); }
 
+  // A number as one operand (of itself it would be as near to a double).
+#define VARIATOR_SIM_OPERATION(operation)                               \
+  template <class T, class = std::enable_if_t<std::is_arithmetic_v<T>>> \
+  friend Tangent operator operation(T a, const Tangent& b) {            \
+    return Tangent(static_cast<double>(a)) operation b;                 \
+  }                                                                     \
+  template <class T, class = std::enable_if_t<std::is_arithmetic_v<T>>> \
+  friend Tangent operator operation(const Tangent& a, T b) {            \
+    return a operation Tangent(static_cast<double>(b));                 \
+  }                                                                     \
+  template <class T>                                                    \
+  Tangent& operator operation##=(const T& b) {                          \
+    return *this = *this operation b;                                   \
+  }
+  VARIATOR_SIM_OPERATION(+)
+  VARIATOR_SIM_OPERATION(-)
+  VARIATOR_SIM_OPERATION(*)
+  VARIATOR_SIM_OPERATION(/)
+#undef VARIATOR_SIM_OPERATION
 #define VARIATOR_SIM_FUNCTION(name, derivative) \
   friend Tangent name(const Tangent& a) {       \
     const double x = a.value, y = std::name(x); \
