@@ -71,8 +71,7 @@ VectorXd VariableLayout::valuesAt(const OperatingPoint& point) const {
 MotionEquations::MotionEquations(const Scene& scene, const std::vector<int>& mode,
                                  bool with_rates_of_d)
     : scene_(scene),
-      torques_(sumTorques(scene)),
-      holds_(collectHolds(scene)),
+      formulas_(collectFormulas(scene)),
       graph_(*scene.graph),
       J_(graph_, scene),
       with_rates_of_d_(with_rates_of_d) {
@@ -90,112 +89,96 @@ MotionEquations::MotionEquations(const Scene& scene, const std::vector<int>& mod
   for (int i = 0; i < layout_.S; ++i) {
     rates_.emplace_back(layout_.slot(layout_.acceleration(i)), variable(layout_.jerk(i)));
   }
-  for (const ConstraintPtr& constraint : scene.constraints) addConstraint(*constraint);
+  for (int m = 0; m < layout_.k; ++m) {
+    const Constraint& it = *scene.constraints[at(m)];
+    constraints_.push_back(rowOf(m, it.order(), "constraint " + inQuotes(it.name())));
+  }
   takeModes(mode);
 }
 
 void MotionEquations::takeModes(const std::vector<int>& mode) {
-  for (std::size_t h = 0; h < holds_.size(); ++h) {
-    const bool is_loss = holds_[h].load >= 0;
+  for (std::size_t h = 0; h < mode.size(); ++h) {
+    const SceneHold& hold = holds()[h];
     const bool slides = mode[h] != 0 && mode[h] != 2;
-    sides_.emplace_back(graph_.entry(holds_[h].side).slot, graph_.constant(slides ? mode[h] : 0.0));
+    sides_.emplace_back(graph_.entry(hold.side).slot, graph_.constant(slides ? mode[h] : 0.0));
     const std::size_t before = constraints_.size();
-    if (mode[h] == 0) addStuck(holds_[h]);
+    if (mode[h] == 0) addStuck(static_cast<int>(h));
+    if (mode[h] != 0 && hold.load >= 0) refuseLosses(hold, LossMode(mode[h]));
     const bool counts = constraints_.size() > before;
     const auto set = [&](expression::HeldValue value, Node node) {
       const int slot = expression::heldSlot(value, static_cast<int>(h));
       sides_.emplace_back(slotOf(Source::kHeld, slot), node);
     };
-    const int told = is_loss && slides ? (LossMode(mode[h]).line == 0 ? 1 : -1) : mode[h];
+    const int told = hold.load >= 0 && slides ? (LossMode(mode[h]).line == 0 ? 1 : -1) : mode[h];
     set(expression::HeldValue::kMode, graph_.constant(told));
     set(expression::HeldValue::kCounts, graph_.constant(counts ? 1.0 : 0.0));
     set(expression::HeldValue::kMultiplier,
         counts ? variable(layout_.multiplier(static_cast<int>(before))) : graph_.constant(0.0));
   }
-  for (Node& torque : torques_) torque = inModes(torque);
-  for (std::size_t h = 0; h < holds_.size(); ++h) {
-    if (holds_[h].load >= 0 && mode[h] != 0) addLosses(holds_[h], LossMode(mode[h]));
-  }
+  for (Node& torque : formulas_.torque) torque = inModes(torque);
   layout_.k = static_cast<int>(constraints_.size());
   for (ConstraintFormulas& it : constraints_) {
-    for (const Node D : it.D) {
+    for (Node& D : it.D) {
+      D = inModes(D);
       if (with_rates_of_d_) it.D_rate.push_back(rate(D));
     }
   }
 }
 
-void MotionEquations::addLosses(const SceneHold& hold, LossMode mode) {
+void MotionEquations::refuseLosses(const SceneHold& hold, LossMode mode) {
   const std::string name = hold.element->nameOf(hold.law);
-  if (scene_.principle == Principle::kGauss && scene_.hasOrder3()) {
+  const bool is_gauss = scene_.principle == Principle::kGauss;
+  if (isFormal(scene_)) {
     throw SceneError(name,
                      "has losses, which linear models and steady states here do not know beside a "
                      "constraint of order 3 under 'principle: gauss'; allowed: orders 1 and 2");
   }
-  ConstraintFormulas& loaded = constraints_[at(hold.load)];
-  const Node base = graph_.multiply(graph_.constant(mode.side), inModes(hold.base[mode.line]));
-  const Node slope = inModes(hold.slope[mode.line]);
-  for (int i = 0; i < layout_.S; ++i) {
-    const Node C = graph_.differentiate(hold.slip, layout_.slot(layout_.velocity(i)));
-    Node& D = loaded.D[at(i)];
-    D = graph_.subtract(D, graph_.multiply(C, slope));
-    torques_[at(i)] = graph_.subtract(torques_[at(i)], graph_.multiply(C, base));
-    // Where D changes, R' = D^T lambda' + dD/dt^T lambda, and lambda would be a state.
-    if (scene_.principle == Principle::kGauss || graph_.isConstant(D)) continue;
-    throw SceneError(name,
-                     "has losses whose part of the torque changes, which linear models and steady "
-                     "states under 'principle: generalized_gauss' do not know; allowed: a ratio "
-                     "and efficiencies that are numbers, or 'principle: gauss'");
-  }
+  // Where D changes, R' = D^T lambda' + dD/dt^T lambda, and lambda would be a state.
+  if (is_gauss || graph_.isConstant(inModes(hold.slope[mode.line]))) return;
+  throw SceneError(name,
+                   "has losses whose part of the torque changes, which linear models and steady "
+                   "states under 'principle: generalized_gauss' do not know; allowed: a ratio "
+                   "and efficiencies that are numbers, or 'principle: gauss'");
 }
 
-void MotionEquations::addStuck(const SceneHold& hold) {
-  const Node slip = hold.slip;
-  ConstraintFormulas stuck;
-  stuck.name = "the stuck element " + inQuotes(hold.element->nameOf(hold.law));
-  stuck.velocity = slip;
-  stuck.acceleration = rate(slip);
-  stuck.jerk = rate(stuck.acceleration);
-  stuck.has_constant_C = true;
-  for (int i = 0; i < layout_.S; ++i) {
-    stuck.C.push_back(graph_.differentiate(slip, layout_.slot(layout_.velocity(i))));
-    stuck.has_constant_C = stuck.has_constant_C && graph_.isConstant(stuck.C.back());
-  }
-  stuck.D = stuck.C;
-  constraints_.push_back(std::move(stuck));
+void MotionEquations::addStuck(int hold) {
+  const SceneHold& it = holds()[at(hold)];
+  constraints_.push_back(rowOf(scene_.constraintCount() + hold, 1,
+                               "the stuck element " + inQuotes(it.element->nameOf(it.law))));
+  if (!constraints_.back().has_constant_C) return;
   // A row that others imply leaves the motion as it is without it.
-  std::vector<const ConstraintFormulas*> constant;
-  for (const ConstraintFormulas& it : constraints_) {
-    if (it.has_constant_C) constant.push_back(&it);
+  std::vector<VectorXd> rows;
+  for (const ConstraintFormulas& other : constraints_) {
+    if (!other.has_constant_C) continue;
+    VectorXd& row = rows.emplace_back(layout_.S);
+    for (int i = 0; i < layout_.S; ++i) row(i) = graph_.constantValue(other.C[at(i)]);
   }
-  MatrixXd rows(constant.size(), layout_.S);
-  for (std::size_t m = 0; m < constant.size() && constraints_.back().has_constant_C; ++m) {
-    for (int i = 0; i < layout_.S; ++i) {
-      rows(static_cast<int>(m), i) = graph_.constantValue(constant[m]->C[at(i)]);
-    }
-  }
-  const bool is_implied = constraints_.back().has_constant_C &&
-                          findIndependentRows(rows, 1e-9).pivots.size() < constant.size();
-  if (is_implied) constraints_.pop_back();
+  MatrixXd C(rows.size(), layout_.S);
+  for (std::size_t m = 0; m < rows.size(); ++m) C.row(static_cast<int>(m)) = rows[m];
+  if (findIndependentRows(C, 1e-9).pivots.size() < rows.size()) constraints_.pop_back();
 }
 
-void MotionEquations::addConstraint(const Constraint& constraint) {
-  ConstraintFormulas formulas;
-  formulas.name = "constraint " + inQuotes(constraint.name());
-  formulas.C.assign(constraint.row().begin(), constraint.row().end() - 1);
-  formulas.has_constant_C = constraint.hasConstantJacobian();
-  if (constraint.order() == 3) {
-    formulas.jerk = constraint.row().back();
-    for (int i = 0; i < layout_.S; ++i) {
-      const Node C = formulas.C[at(i)];
-      formulas.jerk = graph_.add(formulas.jerk, graph_.multiply(C, variable(layout_.jerk(i))));
-    }
-  } else {
-    if (constraint.order() == 1) formulas.velocity = constraint.function();
-    formulas.acceleration = constraint.residual();
-    formulas.jerk = rate(formulas.acceleration);
+ConstraintFormulas MotionEquations::rowOf(int row, int order, const std::string& name) {
+  ConstraintFormulas made;
+  made.name = name;
+  const auto C = formulas_.entry.begin() + row * layout_.S;
+  const auto D = formulas_.direction.begin() + row * layout_.S;
+  made.C.assign(C, C + layout_.S);
+  made.D.assign(D, D + layout_.S);
+  made.has_constant_C =
+      std::all_of(made.C.begin(), made.C.end(), [this](Node it) { return graph_.isConstant(it); });
+  const Node residual = formulas_.residual[at(row)];
+  if (order == 1) made.velocity = formulas_.velocity_residual[at(row)];
+  if (order < 3) {
+    made.acceleration = residual;
+    made.jerk = rate(residual);
+    return made;
   }
-  formulas.D = formulas.C;
-  constraints_.push_back(std::move(formulas));
+  made.jerk = residual;
+  for (int i = 0; i < layout_.S; ++i) {
+    made.jerk = graph_.add(made.jerk, graph_.multiply(made.C[at(i)], variable(layout_.jerk(i))));
+  }
+  return made;
 }
 
 bool MotionEquations::hasDiagonalInertia() const {
@@ -210,10 +193,6 @@ Node MotionEquations::reaction(int i) {
   return hasConstantInertia() ? sum : graph_.add(sum, J_.inertialTorque(i));
 }
 
-Node MotionEquations::reactionRate(int i) {
-  return rate(reaction(i));
-}
-
 Node MotionEquations::connection(int i) {
   return sum(hasConstantInertia() ? 0 : layout_.S, [&](int j) {
     return graph_.multiply(J_.connection(i, j), variable(layout_.auxiliary(j)));
@@ -225,7 +204,7 @@ Node MotionEquations::balance(int i) {
 }
 
 Node MotionEquations::balanceOfRates(int i) {
-  Node rest = graph_.subtract(reactionRate(i), combine(i, layout_.multiplierRate(0)));
+  Node rest = graph_.subtract(rate(reaction(i)), combine(i, layout_.multiplierRate(0)));
   if (!with_rates_of_d_) return graph_.subtract(rest, connection(i));
   for (int m = 0; m < layout_.k; ++m) {
     const Node turn = constraints_[at(m)].D_rate[at(i)];

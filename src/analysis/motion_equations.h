@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "model/formula_laws.h"
+#include "motion_program/scene_formulas.h"
 #include "variator_sim/expression/tape.h"
 #include "variator_sim/operating_point.h"
 #include "variator_sim/scene.h"
@@ -88,7 +88,7 @@ class MotionEquations {
   expression::Node variable(int n) { return graph_.variable(layout_.slot(n)); }
 
   /// Returns Q_i, N m.
-  expression::Node torque(int i) const { return torques_[static_cast<std::size_t>(i)]; }
+  expression::Node torque(int i) const { return formulas_.torque[at(i)]; }
   /// Returns a formula of the scene in the modes of its elements.
   expression::Node inModes(expression::Node node) { return graph_.substitute(node, sides_); }
   /// Returns J_ij, kg m^2.
@@ -97,9 +97,8 @@ class MotionEquations {
     return scene_.inertia_harmonics.empty() && scene_.inertia_formulas.empty();
   }
   bool hasDiagonalInertia() const;
-  /// Returns R_i = (J epsilon)_i + n_i - Q_i, N m, or its rate, N m/s.
+  /// Returns R_i = (J epsilon)_i + n_i - Q_i, N m.
   expression::Node reaction(int i);
-  expression::Node reactionRate(int i);
   /// Returns Gamma R omega [6], with a = J^-1 R: the part of R' beside C^T Lambda, N m/s.
   expression::Node connection(int i);
   /// Returns R_i - sum_m D_mi lambda_m: 0 if the torques balance (gauss, steady states).
@@ -119,19 +118,20 @@ class MotionEquations {
     return all;
   }
   const std::vector<ConstraintFormulas>& constraints() const { return constraints_; }
-  const std::vector<SceneHold>& holds() const { return holds_; }
+  const std::vector<SceneHold>& holds() const { return formulas_.holds; }
   /// Returns the total derivative by time along the motion.
   expression::Node rate(expression::Node node) { return graph_.totalDerivative(node, rates_); }
 
  private:
-  void addConstraint(const Constraint& constraint);
+  /// Returns row `row` of the formulas, a constraint of `order`.
+  ConstraintFormulas rowOf(int row, int order, const std::string& name);
   void takeModes(const std::vector<int>& mode);
-  void addStuck(const SceneHold& hold);
-  void addLosses(const SceneHold& hold, LossMode mode);
+  void addStuck(int hold);
+  /// Throws SceneError where losses that slide are not known.
+  void refuseLosses(const SceneHold& hold, LossMode mode);
 
   const Scene& scene_;
-  std::vector<expression::Node> torques_;  ///< in the scene's graph, before it is copied
-  std::vector<SceneHold> holds_;           ///< likewise
+  SceneFormulas formulas_;  ///< in the scene's graph, before it is copied
   expression::Graph graph_;
   const GeneralInertia J_;
   VariableLayout layout_;

@@ -1,7 +1,7 @@
 #include "analysis/principle_check.h"
 
 #include <Eigen/Cholesky>
-#include <tuple>
+#include <memory>
 
 #include "analysis/decompositions.h"
 #include "variator_sim/message_text.h"
@@ -79,8 +79,7 @@ PrincipleCheck::Formulas::Formulas(const Scene& scene, const std::vector<int>& m
                                    bool is_classical)
     : equations(scene, mode, false) {
   const VariableLayout& layout = equations.layout();
-  rows = layout.S;
-  constraints = static_cast<int>(equations.constraints().size());
+  const int rows = layout.S;
   std::vector<Node> z_rates;
   for (const SceneState& state : scene.states) z_rates.push_back(equations.inModes(state.rate));
   std::vector<Node> J;
@@ -91,7 +90,7 @@ PrincipleCheck::Formulas::Formulas(const Scene& scene, const std::vector<int>& m
   for (int i = 0; i < rows; ++i) {
     J.push_back(equations.reaction(i));
     F.push_back(is_classical ? equations.reaction(i)
-                             : equations.graph().subtract(equations.reactionRate(i),
+                             : equations.graph().subtract(equations.rate(equations.reaction(i)),
                                                           equations.connection(i)));
   }
   for (const ConstraintFormulas& it : equations.constraints()) {
@@ -136,20 +135,13 @@ std::vector<std::string> PrincipleCheck::limits() const {
   return sentences;
 }
 
-PrincipleCheck::Formulas& PrincipleCheck::formulasOf(const std::vector<int>& mode) {
-  const auto found = formulas_.find(mode);
-  if (found != formulas_.end()) return found->second;
-  return formulas_
-      .emplace(std::piecewise_construct, std::forward_as_tuple(mode),
-               std::forward_as_tuple(scene_, mode, is_classical_))
-      .first->second;
-}
-
 PrincipleSystem PrincipleCheck::calc(const OperatingPoint& point) {
-  Formulas& formulas = formulasOf(point.mode);
+  std::unique_ptr<Formulas>& known = formulas_[point.mode];
+  if (!known) known = std::make_unique<Formulas>(scene_, point.mode, is_classical_);
+  const Formulas& formulas = *known;
   const VariableLayout& layout = formulas.equations.layout();
-  const int S = formulas.rows;
-  const int k = formulas.constraints;
+  const int S = layout.S;
+  const int k = layout.k;
   VectorXd v = layout.valuesAt(point);
   const double* value = formulas.rates.evaluate(layout.view(v));
   for (const SceneState& state : scene_.states) v(layout.inputRate(state.input)) = *value++;

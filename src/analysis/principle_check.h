@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -69,17 +70,14 @@ class PrincipleCheck {
   struct Formulas {
     Formulas(const Scene& scene, const std::vector<int>& mode, bool is_classical);
     MotionEquations equations;
-    int rows = 0;
-    int constraints = 0;
     expression::Tape rates;     ///< z' of the states
     expression::Tape inertia;   ///< J, then R
     expression::Tape balances;  ///< F, then C x + c, then C
   };
-  Formulas& formulasOf(const std::vector<int>& mode);
 
   const Scene& scene_;
   const bool is_classical_;
-  std::map<std::vector<int>, Formulas> formulas_;
+  std::map<std::vector<int>, std::unique_ptr<Formulas>> formulas_;  ///< by mode
 };
 
 }  // namespace variator_sim

@@ -65,7 +65,8 @@ void AccelerationConstraints::enter(const StateView& state) {
   for (int i = 0; i < S; ++i) {
     torque_(i) -= 0.5 * inertia_.first(i) * state.velocity[i] * state.velocity[i];
   }
-  inertia_.solve(torque_.data(), free_.data());
+  mobility_ = inertia_.inverse();
+  free_ = mobility_ * torque_;
 }
 
 bool AccelerationConstraints::factor(const StateView& state) {

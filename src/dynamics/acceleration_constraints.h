@@ -29,7 +29,7 @@ class AccelerationConstraints {
   /// Takes J, Q and n from a state, whose accelerations are not read.
   void enter(const StateView& state);
   const SquareMatrix& inertia() const { return inertia_.matrix(); }
-  const SquareMatrix& mobility() const { return inertia_.inverse(); }  ///< J^-1
+  const SquareMatrix& mobility() const { return mobility_; }  ///< J^-1
   /// Q - n, N m, which J epsilon would balance without reaction; n = 1/2 J' omega^2.
   const Vector& torque() const { return torque_; }
   const Vector& free() const { return free_; }  ///< J^-1 (Q - n), rad/s^2
@@ -58,6 +58,7 @@ class AccelerationConstraints {
   const int S;  // shafts
   const Scene& scene_;
   Inertia inertia_;
+  SquareMatrix mobility_;
   Vector torque_;
   Vector free_;
   std::vector<const Constraint*> constraints_;

@@ -1,30 +1,8 @@
 #include "dynamics/inertia.h"
 
 #include <cmath>
-#include <utility>
 
 namespace variator_sim {
-namespace {
-
-void invert(const SquareMatrix& J, bool is_diagonal, SquareMatrix* inverse) {
-  if (is_diagonal) {
-    *inverse = J.diagonal().cwiseInverse().asDiagonal();
-  } else {
-    *inverse = invertSymmetric(J);
-  }
-}
-
-}  // namespace
-
-Inertia::Inertia(const Eigen::MatrixXd& mean, std::vector<std::vector<InertiaHarmonic>> harmonics)
-    : harmonics_(std::move(harmonics)),
-      mean_(mean.diagonal()),
-      is_diagonal_(mean.isDiagonal(0.0)),
-      J_(mean),
-      first_(Vector::Zero(mean.rows())) {
-  invert(J_, is_diagonal_, &inverse_);
-}
-
 void Inertia::update(const double* phi) {
   if (isConstant()) return;
   for (int i = 0; i < J_.rows(); ++i) {
@@ -40,7 +18,6 @@ void Inertia::update(const double* phi) {
     J_(i, i) = value;
     first_(i) = first;
   }
-  invert(J_, is_diagonal_, &inverse_);
 }
 
 }  // namespace variator_sim

@@ -1,6 +1,7 @@
 /// The inertia matrix J(phi) of S shafts, constant or depending on each shaft's own angle.
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "dynamics/dense.h"
@@ -18,14 +19,18 @@ class Inertia {
   /// `mean`: s x s, symmetric positive definite at every angle, kg m^2; `harmonics`: one list per
   /// shaft, or none at all.
   explicit Inertia(const Eigen::MatrixXd& mean,
-                   std::vector<std::vector<InertiaHarmonic>> harmonics = {});
+                   std::vector<std::vector<InertiaHarmonic>> harmonics = {})
+      : harmonics_(std::move(harmonics)),
+        mean_(mean.diagonal()),
+        J_(mean),
+        first_(Vector::Zero(mean.rows())) {}
 
   /// True when J is the same at every angle: `update` does nothing then.
   bool isConstant() const { return harmonics_.empty(); }
-  /// Computes J, J^-1 and dJ/dphi at the angles `phi` (S values, rad). [loop]
+  /// Computes J and dJ/dphi at the angles `phi` (S values, rad). [loop]
   void update(const double* phi);
   const SquareMatrix& matrix() const { return J_; }
-  const SquareMatrix& inverse() const { return inverse_; }
+  SquareMatrix inverse() const { return invertSymmetric(J_); }
   double entry(int i, int j) const { return J_(i, j); }
   /// Returns dJ_i/dphi_i, kg m^2/rad.
   double first(int i) const { return first_(i); }
@@ -35,15 +40,13 @@ class Inertia {
   }
   /// y = J^-1 v.
   void solve(const double* v, double* y) const {
-    Vector::Map(y, J_.rows()).noalias() = inverse_ * Vector::Map(v, J_.rows());
+    Vector::Map(y, J_.rows()).noalias() = inverse() * Vector::Map(v, J_.rows());
   }
 
  private:
   std::vector<std::vector<InertiaHarmonic>> harmonics_;
   Vector mean_;  ///< of the diagonal
-  bool is_diagonal_;
   SquareMatrix J_;
-  SquareMatrix inverse_;
   Vector first_;
 };
 

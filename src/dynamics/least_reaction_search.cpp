@@ -470,7 +470,6 @@ double LeastReactionSearch::calcRoundingDistance() const {
 }
 
 LeastReactionSearch::Verdict LeastReactionSearch::conclude(bool is_certain) const {
-  if (candidate_count_ == 0) return Verdict::kNone;
   if (candidate_count_ > 1) {
     const double least = candidates_[0].reaction;
     const double next = candidates_[1].reaction;

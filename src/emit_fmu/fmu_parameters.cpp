@@ -40,8 +40,8 @@ double snap(double factor, double product, double whole) {
 /// A program's structure and the numbers that its text keeps: all but those that can be set.
 struct FmuParameters::Form {
   explicit Form(const MotionProgram& it) : structure(it.structure()) {
-    append(&structure, it.hold_of.values);
-    append(&structure, it.falls_to_zero.values);
+    append(&holds, it.hold_of.values);
+    append(&holds, it.falls_to_zero.values);
     for (const auto& list : {it.timeout_of, it.initial_input, it.minimum_of, it.maximum_of}) {
       append(&fixed, list.values);
     }
@@ -69,10 +69,11 @@ struct FmuParameters::Form {
     return nonlinear == other.nonlinear && fixed == other.fixed;
   }
   bool operator==(const Form& other) const {
-    return structure == other.structure && fixed == other.fixed;
+    return structure == other.structure && holds == other.holds && fixed == other.fixed;
   }
 
-  std::vector<int> structure;
+  std::string structure;
+  std::vector<int> holds;
   std::vector<int> nonlinear;
   std::vector<double> fixed;
 };

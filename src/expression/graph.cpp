@@ -1,8 +1,11 @@
 #include "variator_sim/expression/graph.h"
 
 #include <algorithm>
+#include <array>
+#include <boost/functional/hash.hpp>
 #include <cmath>
 #include <cstring>
+#include <queue>
 
 #include "expression/opaque_slope.h"
 #include "variator_sim/interruption.h"
@@ -11,10 +14,22 @@ namespace variator_sim::expression {
 
 namespace {
 
-std::uint64_t bitsOf(double value) {
-  std::uint64_t bits = 0;
-  std::memcpy(&bits, &value, sizeof bits);
-  return bits;
+/// Returns all of an entry as integers: the value by its bits, so that 0 and -0 differ and NaN
+/// equals itself.
+std::array<std::uint64_t, 9> keyOf(const Graph::Entry& entry) {
+  std::uint64_t value = 0;
+  std::memcpy(&value, &entry.value, sizeof value);
+  const auto word = [](int n) { return static_cast<std::uint64_t>(n); };
+  const int(&operands)[4] = entry.operands;
+  return {word(static_cast<int>(entry.operation)),
+          word(operands[0]),
+          word(operands[1]),
+          word(operands[2]),
+          word(operands[3]),
+          word(entry.slot),
+          value,
+          word(entry.order[0]),
+          word(entry.order[1])};
 }
 
 /// Returns the index of `table` (or of a function) in `tables`, and adds a new one.
@@ -33,24 +48,12 @@ bool isCommutative(Operation operation) {
 }  // namespace
 
 std::size_t Graph::EntryHash::operator()(const Entry& entry) const {
-  // FNV-1a over the fields; the value by its bits, so that 0 and -0 differ and NaN equals itself.
-  std::uint64_t hash = 14695981039346656037ULL;
-  const auto mix = [&hash](std::uint64_t word) {
-    hash = (hash ^ word) * 1099511628211ULL;
-    hash ^= hash >> 29;
-  };
-  mix(static_cast<std::uint64_t>(entry.operation));
-  for (const int operand : entry.operands) mix(static_cast<std::uint32_t>(operand));
-  mix(static_cast<std::uint32_t>(entry.slot));
-  mix(bitsOf(entry.value));
-  mix(static_cast<std::uint64_t>(entry.order[0]) + 8U * static_cast<std::uint64_t>(entry.order[1]));
-  return static_cast<std::size_t>(hash);
+  const auto key = keyOf(entry);
+  return boost::hash_range(key.begin(), key.end());
 }
 
 bool Graph::EntryEqual::operator()(const Entry& a, const Entry& b) const {
-  return a.operation == b.operation && std::equal(a.operands, a.operands + 4, b.operands) &&
-         a.slot == b.slot && bitsOf(a.value) == bitsOf(b.value) &&
-         std::equal(a.order, a.order + 2, b.order);
+  return keyOf(a) == keyOf(b);
 }
 
 Node Graph::intern(const Entry& entry) {
@@ -158,22 +161,16 @@ Node Graph::substitute(Node node, const std::vector<Rate>& values) {
 std::vector<int> Graph::listReachable(const std::vector<Node>& nodes) const {
   endIfInterrupted();
   // Operands have smaller indices: all users of the node with the largest index are known.
-  std::vector<int> waiting;
-  waiting.reserve(nodes.size());
-  for (const Node node : nodes) waiting.push_back(node.index);
-  std::make_heap(waiting.begin(), waiting.end());
+  std::priority_queue<int> waiting;
+  for (const Node node : nodes) waiting.push(node.index);
   std::vector<int> reachable;
   while (!waiting.empty()) {
-    const int largest = waiting.front();
-    std::pop_heap(waiting.begin(), waiting.end());
-    waiting.pop_back();
+    const int largest = waiting.top();
+    waiting.pop();
     if (!reachable.empty() && reachable.back() == largest) continue;
     reachable.push_back(largest);
     const Entry& it = entry({largest});
-    for (int k = 0; k < operandCount(it.operation); ++k) {
-      waiting.push_back(it.operands[k]);
-      std::push_heap(waiting.begin(), waiting.end());
-    }
+    for (int k = 0; k < operandCount(it.operation); ++k) waiting.push(it.operands[k]);
   }
   std::reverse(reachable.begin(), reachable.end());
   return reachable;

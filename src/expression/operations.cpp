@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
 #include <iterator>
 #include <limits>
 #include <vector>
@@ -29,6 +28,8 @@ double powerOf(double x, double exponent) {
 
 namespace {
 
+using Operands = const double*;
+
 // A comparison with NaN is undecided, so its result is NaN (std::min may drop it).
 double signOf(double x) {
   return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : x == 0.0 ? 0.0 : x;
@@ -46,16 +47,7 @@ double whereFinite(double a, double value) {
   return std::isfinite(a) ? value : std::isinf(a) ? 0.0 : a;
 }
 
-using Operands = const double*;
-
-struct Rule {
-  Operation operation;
-  int operand_count;
-  double (*value)(Operands x);  ///< null for what reads more than its operands
-  const char* name = "";        ///< of the function in formulas, "" if there is none
-  const char* latex = "";
-};
-constexpr Rule kRules[] = {
+constexpr Function kRules[] = {
     {Operation::kConstant, 0, nullptr},
     {Operation::kVariable, 0, nullptr},
     {Operation::kNegate, 1, [](Operands x) { return -x[0]; }},
@@ -88,27 +80,18 @@ constexpr Rule kRules[] = {
     {Operation::kSelect, 4, [](Operands x) { return selectOf(x[0], x[1], x[2], x[3]); }, "if", ""},
     {Operation::kWhereFinite, 2, [](Operands x) { return whereFinite(x[0], x[1]); }}};
 
-constexpr const Rule& ruleOf(Operation operation) {
+constexpr const Function& ruleOf(Operation operation) {
   return kRules[static_cast<std::size_t>(operation)];
 }
 
 constexpr bool areInOrder() {
-  for (const Rule& it : kRules)
+  for (const Function& it : kRules)
     if (&ruleOf(it.operation) != &it) return false;
   return true;
 }
 static_assert(areInOrder(), "a rule stands at its operation's number");
 
-constexpr Function kClamp = {"clamp", 3, Operation::kConstant, ""};
-
-template <class Is>
-std::optional<Function> find(Is is) {
-  const auto* const it = std::find_if(std::begin(kRules), std::end(kRules), is);
-  if (it == std::end(kRules)) return {};
-  // A comparison is one argument.
-  const int arguments = it->operation == Operation::kSelect ? 3 : it->operand_count;
-  return Function{it->name, arguments, it->operation, it->latex};
-}
+constexpr Function kClamp = {Operation::kConstant, 3, nullptr, "clamp", ""};
 
 }  // namespace
 
@@ -120,41 +103,46 @@ double evaluateOperation(Operation operation, const double* operands) {
   return ruleOf(operation).value(operands);
 }
 
-std::optional<Function> findFunction(const std::string& name) {
-  if (name == kClamp.name) return kClamp;
-  return find([&](const Rule& it) { return !name.empty() && name == it.name; });
+const Function* findFunction(const std::string& name) {
+  if (name == kClamp.name) return &kClamp;
+  const auto* const it = std::find_if(std::begin(kRules), std::end(kRules), [&](const auto& one) {
+    return !name.empty() && name == one.name;
+  });
+  return it == std::end(kRules) ? nullptr : it;
 }
 
-std::optional<Function> findFunction(Operation operation) {
-  return find([&](const Rule& it) { return operation == it.operation && *it.name != 0; });
+const Function& functionOf(Operation operation) {
+  return ruleOf(operation);
 }
 
 std::vector<std::string> functionNames() {
   std::vector<std::string> names = {kClamp.name};
-  for (const Rule& it : kRules)
+  for (const Function& it : kRules)
     if (*it.name != 0) names.emplace_back(it.name);
   std::sort(names.begin(), names.end());
   return names;
 }
 
 std::string explainForeignWord(const std::string& word) {
-  const auto is_one_of = [&word](std::initializer_list<const char*> words) {
-    return std::find(words.begin(), words.end(), word) != words.end();
+  struct Foreign {
+    std::vector<std::string> words;
+    const char* way;
   };
-  if (is_one_of({"and", "&", "or", "|"})) {
-    return "'if' takes one comparison; both hold in if(a < b, if(c < d, x, y), y), one or both in "
-           "if(a < b, x, if(c < d, x, y))";
+  static const Foreign kForeign[] = {
+      {{"and", "&", "or", "|"},
+       "'if' takes one comparison; both hold in if(a < b, if(c < d, x, y), y), one or both in "
+       "if(a < b, x, if(c < d, x, y))"},
+      {{"not", "!"}, "the opposite of a comparison exchanges the two values of its 'if'"},
+      {{"delay", "delayed", "transport_delay"},
+       "the value of x from 0.2 s ago is delay(x, 0.2), in formulas of scenes"},
+      {{"integral", "integrate", "integ", "int", "cumsum"},
+       "the integral of a speed is an angle, phi_SHAFT; that of anything else is a state of the "
+       "scene, states: [z] with z: {rate: FORMULA} (doc/scene.md); over a run it is the metric "
+       "integral(COLUMN) of a sweep"}};
+  for (const Foreign& it : kForeign) {
+    if (std::count(it.words.begin(), it.words.end(), word) > 0) return it.way;
   }
-  if (is_one_of({"not", "!"})) {
-    return "the opposite of a comparison exchanges the two values of its 'if'";
-  }
-  if (is_one_of({"delay", "delayed", "transport_delay"})) {
-    return "the value of x from 0.2 s ago is delay(x, 0.2), in formulas of scenes";
-  }
-  if (!is_one_of({"integral", "integrate", "integ", "int", "cumsum"})) return "";
-  return "the integral of a speed is an angle, phi_SHAFT; that of anything else is a state of the "
-         "scene, states: [z] with z: {rate: FORMULA} (doc/scene.md); over a run it is the metric "
-         "integral(COLUMN) of a sweep";
+  return "";
 }
 
 bool isValidName(const std::string& name) {

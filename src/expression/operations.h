@@ -1,7 +1,6 @@
-/// The functions that formulas can call.
+/// Operations, and the functions that formulas can call.
 #pragma once
 
-#include <optional>
 #include <string>
 
 #include "variator_sim/expression/graph.h"
@@ -9,16 +8,18 @@
 namespace variator_sim::expression {
 
 struct Function {
-  const char* name;
-  int argument_count;
   Operation operation;  ///< kConstant for `clamp`, which is made of two
-  const char* latex;
+  int operand_count;
+  double (*value)(const double* operands);  ///< null for what reads more than its operands
+  const char* name = "";                    ///< in formulas, "" if there is none
+  const char* latex = "";
+  /// (A comparison is one argument.)
+  int argumentCount() const { return operation == Operation::kSelect ? 3 : operand_count; }
 };
 
-/// Returns the function of that name. parser.h has the list of names.
-std::optional<Function> findFunction(const std::string& name);
-/// Returns the function of an operation.
-std::optional<Function> findFunction(Operation operation);
+/// Returns the function of that name, or null. parser.h has the list of names.
+const Function* findFunction(const std::string& name);
+const Function& functionOf(Operation operation);
 
 /// Explains the formula's equivalent of a `word` of other languages ("and", "integral"), or "".
 std::string explainForeignWord(const std::string& word);

@@ -225,7 +225,7 @@ class Parser {
       return symbol->second;
     }
     if (name == "pi") return graph_.constant(kPi);
-    if (findFunction(name) || tables_.count(name) != 0) {
+    if (findFunction(name) != nullptr || tables_.count(name) != 0) {
       fail(where, kindOf(name) + " needs its arguments in parentheses");
     }
     failUnknown(name, where);
@@ -233,13 +233,13 @@ class Parser {
 
   /// Reads a call: `name` was read at `where`; its arguments come next.
   Node call(const std::string& name, std::size_t where) {
-    const std::optional<Function> function = findFunction(name);
+    const Function* const function = findFunction(name);
     if (name == kDelay && delay_ && tables_.count(name) == 0) return delayed(where);
-    if (!function && tables_.count(name) == 0) failUnknownFunction(name, where);
+    if (function == nullptr && tables_.count(name) == 0) failUnknownFunction(name, where);
     const std::size_t opening = position_;
     accept('(');
     beginParenthesis(opening);
-    if (function && function->operation == Operation::kSelect) return choice(where);
+    if (function != nullptr && function->operation == Operation::kSelect) return choice(where);
     std::vector<Node> arguments;
     if (!isAt(position_, ')')) {
       do {
@@ -247,14 +247,15 @@ class Parser {
       } while (accept(','));
     }
     endParenthesis();
-    const int needed = function ? function->argument_count : tables_.at(name)->argumentCount();
+    const int needed =
+        function != nullptr ? function->argumentCount() : tables_.at(name)->argumentCount();
     if (arguments.size() != static_cast<std::size_t>(needed)) {
       fail(where, kindOf(name) + " takes " + std::to_string(needed) +
                       (needed == 1 ? " argument" : " arguments") + ", not " +
                       std::to_string(arguments.size()));
     }
-    return function ? applyFunction(*function, arguments, where)
-                    : applyTable(tables_.at(name), arguments, where);
+    return function != nullptr ? applyFunction(*function, arguments, where)
+                               : applyTable(tables_.at(name), arguments, where);
   }
 
   /// Reads behind the '(' of an `if` at `where`.

@@ -126,7 +126,7 @@ SymbolTable nameVariables(const ComponentContext& context, FormulaKind kind, Gra
 
 std::string describeTakenName(const std::string& name, const std::vector<std::string>& shafts) {
   if (name == "pi") return "already the name of a number";
-  if (findFunction(name)) return "already the name of a function";
+  if (findFunction(name) != nullptr) return "already the name of a function";
   const bool is_variable = name == "t" || std::any_of(std::begin(kPrefixes), std::end(kPrefixes),
                                                       [&](const char* prefix) {
                                                         return isVariable(name, prefix, shafts);

@@ -27,9 +27,6 @@
 
 namespace variator_sim::expression {
 
-/// True for 0, 1 and -1, which are literals in the code: a compiler simplifies their operations.
-bool isWrittenOut(double value);
-
 /// The rows of coefficients of a set of formulas, and the instructions that compute them, one for
 /// each row or two: calls of the functions of runtime/operations.h and tables.h, which the
 /// interpreter executes and kernels and emitted programs have as text.
@@ -134,8 +131,6 @@ class SeriesProgram {
   std::size_t placeOf(const Instruction& it) const {
     return terms_.size() + static_cast<std::size_t>(&it - instructions_.data());
   }
-  /// Adds the structure of the C: equal words mean the same C but for its numbers.
-  void addStructure(std::vector<int>* words) const;
 
  private:
   friend class SeriesCompiler;

@@ -144,10 +144,8 @@ class TermMaker {
     std::vector<TermPtr> arguments;
     arguments.reserve(4);
     for (int p = 0; p < operandCount(entry.operation); ++p) arguments.push_back(operand(p));
-    // An opaque function has no name.
-    const std::optional<Function> function = findFunction(entry.operation);
-    return makeCall(function ? Symbol{function->name, function->latex} : Symbol{},
-                    std::move(arguments));
+    const Function& function = functionOf(entry.operation);  // an opaque one has no name
+    return makeCall({function.name, function.latex}, std::move(arguments));
   }
 
   const Graph& graph_;

@@ -164,20 +164,15 @@ class Workshop {
   std::vector<std::string> files_;
 };
 
-/// The command line of one run of the compiler.
-class CommandLine {
- public:
-  explicit CommandLine(std::vector<std::string> words) : words_(std::move(words)) {
-    for (std::string& word : words_) pointers_.push_back(word.data());
-    pointers_.push_back(nullptr);
-  }
-  CommandLine(CommandLine&&) = default;  // a copy would point into this one
-  char* const* arguments() const { return pointers_.data(); }
+/// The words of a command line, and a null pointer behind them.
+using CommandLine = std::vector<char*>;
 
- private:
-  std::vector<std::string> words_;
-  std::vector<char*> pointers_;
-};
+CommandLine commandLineOf(std::vector<std::string>& words) {
+  CommandLine line;
+  for (std::string& word : words) line.push_back(word.data());
+  line.push_back(nullptr);
+  return line;
+}
 
 /// A process between this one and its compilers, which ends them and all that they have started
 /// when it is told to (SIGTERM) or when this process ends, for any reason. Its code runs after a
@@ -211,7 +206,7 @@ class Foreman {
     sigset_t none;
     ::sigemptyset(&none);
     ::sigprocmask(SIG_SETMASK, &none, nullptr);
-    ::execve(command.arguments()[0], command.arguments(), environ);
+    ::execve(command[0], command.data(), environ);
     ::_exit(127);
   }
 
@@ -268,18 +263,20 @@ std::string firstComplaint(const std::string& messages) {
 /// Runs the compiler, units in parallel; returns an empty reason when it made `workshop.output()`.
 std::string compile(const std::string& program, unsigned units, const Workshop& workshop,
                     int patience) {
-  std::vector<CommandLine> commands;
+  std::vector<std::vector<std::string>> commands(units);
+  std::vector<CommandLine> arguments;
   std::vector<std::string> link{program, "-shared", "-o", workshop.output()};
   for (unsigned unit = 0; unit < units; ++unit) {
-    std::vector<std::string> words{program};
+    std::vector<std::string>& words = commands[unit];
+    words = {program};
     words.insert(words.end(), std::begin(kOptions), std::end(kOptions));
     words.insert(words.end(), {"-DUNITS=" + std::to_string(units), "-DUNIT=" + std::to_string(unit),
                                "-c", "-o", workshop.object(unit), workshop.source()});
-    commands.emplace_back(std::move(words));
+    arguments.push_back(commandLineOf(words));
     link.push_back(workshop.object(unit));
   }
   link.emplace_back("-lm");
-  const CommandLine link_command(std::move(link));
+  const CommandLine of_link = commandLineOf(link);
 
   const pid_t parent = ::getpid();
   sigset_t all;
@@ -287,7 +284,7 @@ std::string compile(const std::string& program, unsigned units, const Workshop& 
   ::sigfillset(&all);
   ::pthread_sigmask(SIG_SETMASK, &all, &before);  // handlers run in this program only
   const pid_t foreman = ::fork();
-  if (foreman == 0) Foreman::run(parent, commands, link_command, workshop);
+  if (foreman == 0) Foreman::run(parent, arguments, of_link, workshop);
   ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
   if (foreman < 0) return program + " cannot be run: " + describeError();
 

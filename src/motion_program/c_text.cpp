@@ -1,5 +1,6 @@
 #include "motion_program/c_text.h"
 
+#include <boost/algorithm/string/replace.hpp>
 #include <cctype>
 #include <charconv>
 #include <cmath>
@@ -22,10 +23,7 @@ std::string inCapitals(std::string name) {
 }
 
 void replaceAll(std::string& text, const std::string& from, const std::string& to) {
-  for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at)) {
-    text.replace(at, from.size(), to);
-    at += to.size();
-  }
+  boost::replace_all(text, from, to);
 }
 
 std::string withName(std::string text, const std::string& name) {

@@ -36,7 +36,7 @@ struct MotionList {
   F(RELATIVE_TOLERANCE) F(ABSOLUTE_TOLERANCE) F(MAXIMUM_STEP) F(DECAY)
 // and lists: rows of formulas by shaft and constraint, inputs, points of tables, elements that hold.
 #define VARIATOR_SIM_MOTION_LISTS(F)                                                            \
-  F(int, order_of) F(int, is_neutral) F(int, shown_row) F(double, coupling) F(int, torque_row)                    \
+  F(int, order_of) F(int, is_neutral) F(int, shown_row) F(int, torque_row)                    \
   F(int, residual_row) F(int, velocity_residual_row) F(int, entry_row) F(int, direction_row)    \
   F(int, has_direction) F(int, entry_begin) F(int, entry_shaft) F(int, entry_varies)         \
   F(int, entry_place) F(int, block_begin) F(int, block_shafts) F(int, block_unknown)            \
@@ -45,17 +45,21 @@ struct MotionList {
   F(int, load_of) F(int, slope_row) F(int, base_row) F(int, curvature_row) \
   F(int, input_slope_row) F(int, inertia_row) F(int, inertial_row) F(int, connection_row)       \
   F(int, pair_row) F(int, turn_row)                                                             \
-  F(int, sign_row) F(int, sign_jumps) F(int, constant_row) F(double, constant_value)            \
-  F(int, input_row) F(int, input_of_row) F(int, input_rate_of_row) F(double, timeout_of)        \
+  F(int, sign_row) F(int, sign_jumps) F(int, constant_row)            \
+  F(int, input_row) F(int, input_of_row) F(int, input_rate_of_row)        \
   F(int, passage_row) F(int, passage_count) F(int, passage_jumps)                               \
   F(int, watched_row) F(int, side_row) F(int, mode_row) F(int, counts_row) F(int, slip_row)     \
   F(int, slide_row)                                                                             \
   F(int, upper_row) F(int, lower_row) F(int, level_row) F(int, gap_row) F(int, has_upper)       \
   F(int, has_lower) F(int, has_level) F(int, has_gap) F(int, slides_backward)                   \
-  F(int, begins_in) F(double, restitution) F(double, closes_below)                              \
+  F(int, begins_in)                                                                             \
   F(int, takes_commands) F(int, state_input) F(int, state_is_wanted) F(int, rate_row) F(int, variable_input)                \
-  F(int, delay_input) F(int, delayed_row) F(double, delay_of)                                    \
+  F(int, delay_input) F(int, delayed_row)                                    \
   F(int, event_direction) F(int, set_begin) F(int, set_input) F(int, set_row)
+// Lists of numbers, which kernels read from vs_numbers (but timeouts, which are their host's).
+#define VARIATOR_SIM_MOTION_NUMBER_LISTS(F)                                                     \
+  F(double, coupling) F(double, constant_value) F(double, timeout_of) F(double, restitution)    \
+  F(double, closes_below) F(double, delay_of)
 // Lists of commands, which kernels leave to their host: one suits all holds of an input.
 #define VARIATOR_SIM_MOTION_COMMANDS(F)                                                         \
   F(int, hold_of) F(double, parameter_of) F(double, initial_input) F(double, minimum_of)        \
@@ -71,6 +75,7 @@ struct MotionData {
   VARIATOR_SIM_MOTION_EXTENTS(VARIATOR_SIM_SIZE)
   VARIATOR_SIM_MOTION_NUMBERS(VARIATOR_SIM_NUMBER)
   VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_LIST)
+  VARIATOR_SIM_MOTION_NUMBER_LISTS(VARIATOR_SIM_LIST)
   VARIATOR_SIM_MOTION_COMMANDS(VARIATOR_SIM_LIST)
 #undef VARIATOR_SIM_SIZE
 #undef VARIATOR_SIM_NUMBER

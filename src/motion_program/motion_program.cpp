@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
-#include <type_traits>
 #include <utility>
 
 #include "variator_sim/errors.h"
@@ -28,11 +27,6 @@ bool hasOrder(const Scene& scene, int low, int high) {
   return std::any_of(
       scene.constraints.begin(), scene.constraints.end(),
       [&](const ConstraintPtr& it) { return it->order() >= low && it->order() <= high; });
-}
-
-bool isDiagonal(const Eigen::MatrixXd& inertia) {
-  const Eigen::MatrixXd diagonal = inertia.diagonal().asDiagonal();
-  return inertia == diagonal;
 }
 
 }  // namespace
@@ -93,18 +87,12 @@ SeriesProgram MotionProgram::compile(const Scene& scene) {
   add(formulas_.delayed);
   for (const expression::Branch& it : formulas_.signs) outputs_.push_back(it.argument);
   for (const expression::Passage& it : formulas_.tables) outputs_.push_back(it.argument);
-  for (const SceneHold& it : formulas_.holds) {
-    add({it.slip, it.torque, it.upper, it.lower, it.level, it.gap});
-    if (it.load >= 0) add({it.slope[0], it.slope[1], it.base[0], it.base[1]});
-  }
+  for (const SceneHold& it : formulas_.holds) add(nodesOf(it));
   series_ = outputs_.size();
-  const auto anyReads = [&](Source source, int i) {
-    return std::any_of(outputs_.begin(), outputs_.end(),
-                       [&](Node node) { return scene.graph->dependsOn(node, slotOf(source, i)); });
-  };
   bool reads_angles = false;
-  for (int i = 0; i < scene.shaftCount(); ++i)
-    reads_angles = reads_angles || anyReads(Source::kAngle, i);
+  for (int i = 0; i < scene.shaftCount(); ++i) {
+    reads_angles = reads_angles || scene.graph->dependsOn(outputs_, slotOf(Source::kAngle, i));
+  }
   FIRST_JUDGED = reads_angles ? 0 : scene.shaftCount();
   add(formulas_.velocity_residual);
   add(formulas_.curvature);
@@ -162,9 +150,7 @@ std::vector<int> MotionProgram::listSlots(const Scene& scene) {
     if (scene.inputs[static_cast<std::size_t>(n)].kind == InputKind::kState) continue;
     int rate = 0;
     for (const Source source : {Source::kInput, Source::kInputRate, Source::kInputSecondRate}) {
-      const bool is_read = std::any_of(outputs_.begin(), outputs_.end(), [&](Node node) {
-        return scene.graph->dependsOn(node, slotOf(source, n));
-      });
+      const bool is_read = scene.graph->dependsOn(outputs_, slotOf(source, n));
       if (is_read) addRow(source, n, rate);
       ++rate;
     }
@@ -200,7 +186,7 @@ void MotionProgram::setSizes(const Scene& scene) {
   IS_CURVED = std::any_of(formulas_.curvature.begin(), formulas_.curvature.end(),
                           [&](Node node) { return !scene.graph->isConstant(node, 0.0); });
   IS_GENERAL = formulas_.pair.empty() ? 0 : 1;
-  IS_COUPLED = isDiagonal(scene.inertia) && IS_GENERAL == 0 ? 0 : 1;
+  IS_COUPLED = scene.inertia.isDiagonal(0.0) && IS_GENERAL == 0 ? 0 : 1;
   INERTIA_VARIES = formulas_.inertia_varies ? 1 : 0;
   HAS_CONNECTION = INERTIA_VARIES != 0 && IS_GAUSS == 0 ? 1 : 0;
   ENTRIES_TURN = anyEntry([this](int row) { return program_.isAccelerated(row); });
@@ -248,9 +234,7 @@ void MotionProgram::setStages(const Scene& scene) {
                                 std::any_of(rates.values.begin(), rates.values.end(), isRead)
                             ? 1
                             : 0;
-  const bool reads_time = std::any_of(outputs_.begin(), outputs_.end(), [&](Node node) {
-    return scene.graph->dependsOn(node, slotOf(Source::kTime));
-  });
+  const bool reads_time = scene.graph->dependsOn(outputs_, slotOf(Source::kTime));
   RESTS = scene.solver.sleep && !reads_time ? 1 : 0;
   CHOOSES_METHOD = stepper == StepperKind::kAuto ? 1 : 0;
   HAS_SERIES = formulas_.no_text ? 0 : 1;
@@ -471,22 +455,9 @@ std::vector<double> MotionProgram::numbers() const {
 }
 
 std::vector<double> MotionProgram::otherNumbers() const {
-  std::vector<double> made = {fixed_step};
-  const std::vector<const MotionList<double>*> known = numberLists();
-  const auto add = [&](const auto& list) {
-    using Value = typename std::decay_t<decltype(list.values)>::value_type;
-    if constexpr (std::is_same_v<Value, double>) {
-      if (std::find(known.begin(), known.end(), &list) != known.end()) return;
-      made.insert(made.end(), list.values.begin(), list.values.end());
-    }
-  };
-#define VARIATOR_SIM_ADD(name) made.push_back(name);
-  VARIATOR_SIM_MOTION_NUMBERS(VARIATOR_SIM_ADD)
-#undef VARIATOR_SIM_ADD
-#define VARIATOR_SIM_ADD(type, name) add(name);  // NOLINT: a member
-  VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_ADD)
-  VARIATOR_SIM_MOTION_COMMANDS(VARIATOR_SIM_ADD)
-#undef VARIATOR_SIM_ADD
+  std::vector<double> made = {fixed_step, RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE, MAXIMUM_STEP,
+                              DECAY};
+  made.insert(made.end(), delay_of.values.begin(), delay_of.values.end());
   return made;
 }
 

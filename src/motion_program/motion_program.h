@@ -59,10 +59,12 @@ class MotionProgram : public MotionData {
   MotionList<int> rowsOf(const std::vector<expression::Node>& nodes) const;
   MotionList<int> shownRows() const { return rowsOf(shown_); }
 
-  /// Returns words that are equal for scenes whose kernels have the same text.
-  std::vector<int> structure() const;
+  /// Returns what differs between the texts of kernels.
+  std::string structure() const;
   /// Returns the numbers of formulas, tables and lists, in an order that the structure determines.
   std::vector<double> numbers() const;
+  /// Returns the lists that are among these, at their end.
+  std::vector<const MotionList<double>*> numberLists() const;
   /// Returns all numbers of the program that are not among these, nor of its structure.
   std::vector<double> otherNumbers() const;
   /// Writes the integers of an initializer of a SeriesOperation, each with a comma behind it.
@@ -104,8 +106,6 @@ class MotionProgram : public MotionData {
   void setMemory(const Scene& scene);
   std::vector<int> findNeutral(const Scene& scene) const;
   int rowOf(expression::Node node) const;
-  /// Returns the lists that are among numbers().
-  std::vector<const MotionList<double>*> numberLists() const;
   /// Writes the functions of all rows, with the tables before them, or for a program that reads
   /// these and all numbers from vs_numbers.
   std::string writeRows(bool shares) const;

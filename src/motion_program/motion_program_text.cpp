@@ -11,25 +11,8 @@
 
 namespace variator_sim {
 
-using expression::SeriesProgram;
-
-std::vector<int> MotionProgram::structure() const {
-  std::vector<int> words;
-  program_.addStructure(&words);
-#define VARIATOR_SIM_ADD(name) words.push_back(name);
-  VARIATOR_SIM_MOTION_SIZES(VARIATOR_SIM_ADD)
-  VARIATOR_SIM_MOTION_EXTENTS(VARIATOR_SIM_ADD)
-#undef VARIATOR_SIM_ADD
-  const auto addIfShared = [&words](const auto& values) {
-    if constexpr (std::is_same_v<std::decay_t<decltype(values)>, std::vector<int>>) {
-      words.push_back(static_cast<int>(values.size()));
-      words.insert(words.end(), values.begin(), values.end());
-    }
-  };
-#define VARIATOR_SIM_ADD(type, name) addIfShared(name.values);  // NOLINT: a member
-  VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_ADD)
-#undef VARIATOR_SIM_ADD
-  return words;
+std::string MotionProgram::structure() const {
+  return writeExtents() + writeLists(true) + writeRows(true) + writeHiding();
 }
 
 std::string MotionProgram::writeExtents() const {
@@ -67,6 +50,7 @@ std::string MotionProgram::writeLists(bool shares) const {
 #define VARIATOR_SIM_WRITE(type, name) \
   text += arrayOf(#type, #name, name.values);  // NOLINT: a member
   VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_WRITE)
+  VARIATOR_SIM_MOTION_NUMBER_LISTS(VARIATOR_SIM_WRITE)
   VARIATOR_SIM_MOTION_COMMANDS(VARIATOR_SIM_WRITE)
 #undef VARIATOR_SIM_WRITE
   std::vector<std::string> names;
@@ -80,14 +64,7 @@ std::string MotionProgram::writeLists(bool shares) const {
 /// Writes those lists that the structure of the scene determines, and where the others are.
 std::string MotionProgram::writeSharedLists() const {
   std::string text;
-  const auto add = [&text](const std::string& name, const std::vector<int>& values) {
-    text += arrayOf("int", name, values);
-  };
-  const auto addIfShared = [&](const std::string& name, const auto& values) {
-    if constexpr (std::is_same_v<std::decay_t<decltype(values)>, std::vector<int>>)
-      add(name, values);
-  };
-#define VARIATOR_SIM_WRITE(type, name) addIfShared(#name, name.values);  // NOLINT: a member
+#define VARIATOR_SIM_WRITE(type, name) text += arrayOf(#type, #name, name.values);
   VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_WRITE)
 #undef VARIATOR_SIM_WRITE
   return text + arrayOf("double", "timeout_of", std::vector<double>(timeout_of.values.size())) +

@@ -1,5 +1,6 @@
 // The instructions of a motion as C.
 #include <cctype>
+#include <cmath>
 
 #include "motion_program/c_text.h"
 #include "motion_program/motion_program.h"
@@ -21,6 +22,11 @@ constexpr const char* kCalls[] = {"",
                                   VARIATOR_SIM_SERIES_FUNCTIONS(VARIATOR_SIM_CALL)
 #undef VARIATOR_SIM_CALL
 };
+
+/// True for 0, 1 and -1, which are literals in the code: a compiler simplifies their operations.
+bool isWrittenOut(double value) {
+  return (value == 0.0 && !std::signbit(value)) || value == 1.0 || value == -1.0;
+}
 
 /// Writes the functions of all parts.
 class Writer {
@@ -63,7 +69,7 @@ class Writer {
 
   /// Writes constant `place` of numbers().
   std::string number(double value, std::size_t place) const {
-    if (shares_ && !expression::isWrittenOut(value)) return "c[" + std::to_string(place) + "]";
+    if (shares_ && !isWrittenOut(value)) return "c[" + std::to_string(place) + "]";
     return literalOf(value);
   }
 

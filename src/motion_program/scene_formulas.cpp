@@ -57,10 +57,30 @@ void addInertia(const Scene& scene, SceneFormulas& made) {
   }
 }
 
-void addConstraint(const Scene& scene, const ConstraintPtr& constraint, SceneFormulas& made) {
+/// Adds the row C of a constraint `function` = 0; its reaction is along D, or C where D is empty.
+void addRow(const Scene& scene, int order, Node function, Node residual, const std::vector<Node>& C,
+            const std::vector<Node>& D, SceneFormulas& made) {
   Graph& graph = *scene.graph;
-  const int s = scene.shaftCount();
   const Node zero = graph.constant(0.0);
+  made.residual.push_back(residual);
+  made.velocity_residual.push_back(order == 1 ? function : zero);
+  made.entry.insert(made.entry.end(), C.begin(), C.end());
+  made.direction.insert(made.direction.end(), D.empty() ? C.begin() : D.begin(),
+                        D.empty() ? C.end() : D.end());
+  const bool is_curved = order == 2 || (order == 3 && isFormal(scene));
+  for (const Node entry : C) {
+    for (int j = 0; j < scene.shaftCount(); ++j) {
+      made.curvature.push_back(
+          is_curved ? graph.differentiate(entry, slotOf(Source::kAcceleration, j)) : zero);
+    }
+  }
+  for (int n = 0; n < scene.inputCount(); ++n) {
+    made.input_slope.push_back(order == 2 ? graph.differentiate(function, slotOf(Source::kInput, n))
+                                          : zero);
+  }
+}
+
+void addConstraint(const Scene& scene, const ConstraintPtr& constraint, SceneFormulas& made) {
   noteOpaque(constraint->name(), constraint->callsOpaqueFunction(), made);
   if (!constraint->kinks().empty() && scene.principle == Principle::kGauss) {
     throw SceneError(constraint->name(),
@@ -68,32 +88,15 @@ void addConstraint(const Scene& scene, const ConstraintPtr& constraint, SceneFor
                      "leads in a corner is not known; allowed under 'principle: gauss': a formula "
                      "that is smooth in the accelerations, sqrt(x^2+1e-12) for abs(x)");
   }
-  const Node function = constraint->function();
-  made.residual.push_back(constraint->residual());
-  made.velocity_residual.push_back(constraint->order() == 1 ? function : zero);
-  made.entry.insert(made.entry.end(), constraint->row().begin(), constraint->row().end() - 1);
-  const std::vector<Node>& D = constraint->direction();
-  made.has_directions = made.has_directions || !D.empty();
-  made.direction.insert(made.direction.end(), D.empty() ? made.entry.end() - s : D.begin(),
-                        D.empty() ? made.entry.end() : D.end());
-  const bool is_curved = constraint->order() == 2 || (constraint->order() == 3 && isFormal(scene));
-  for (int i = 0; i < s; ++i) {
-    const Node entry = made.entry[made.entry.size() - static_cast<std::size_t>(s - i)];
-    for (int j = 0; j < s; ++j) {
-      made.curvature.push_back(
-          is_curved ? graph.differentiate(entry, slotOf(Source::kAcceleration, j)) : zero);
-    }
-  }
-  for (int n = 0; n < scene.inputCount(); ++n) {
-    made.input_slope.push_back(
-        constraint->order() == 2 ? graph.differentiate(function, slotOf(Source::kInput, n)) : zero);
-  }
+  const auto row = constraint->row().begin();
+  addRow(scene, constraint->order(), constraint->function(), constraint->residual(),
+         {row, row + scene.shaftCount()}, constraint->direction(), made);
+  made.has_directions = made.has_directions || !constraint->direction().empty();
 }
 
 /// Adds the row of a slip f as that of a constraint of order 1.
 void addSlip(const Scene& scene, const SceneHold& hold, SceneFormulas& made) {
   Graph& graph = *scene.graph;
-  const Node zero = graph.constant(0.0);
   const std::vector<Graph::Rate> rates = expression::ratesOf(graph, scene.shaftCount(), {});
   const bool is_general = scene.principle == Principle::kGeneralizedGauss;
   for (int n = 0; n < scene.inputCount(); ++n) {
@@ -102,21 +105,17 @@ void addSlip(const Scene& scene, const SceneHold& hold, SceneFormulas& made) {
                      "its ratio reads an input; allowed: a number, or under 'principle: gauss' a "
                      "formula of t");
   }
-  made.velocity_residual.push_back(hold.slip);
-  made.residual.push_back(graph.totalDerivative(hold.slip, rates));
+  std::vector<Node> C;
   for (int i = 0; i < scene.shaftCount(); ++i) {
-    const Node entry = graph.differentiate(hold.slip, slotOf(Source::kVelocity, i));
-    if (is_general && !graph.isConstant(entry)) {
+    C.push_back(graph.differentiate(hold.slip, slotOf(Source::kVelocity, i)));
+    if (is_general && !graph.isConstant(C.back())) {
       throw SceneError(made.hold_names[made.holds.size()],
                        "its ratio changes, and how its reaction turns has no meaning under "
                        "'principle: generalized_gauss'; allowed: a ratio that is a number, or "
                        "'principle: gauss'");
     }
-    made.entry.push_back(entry);
-    made.direction.push_back(entry);
-    for (int j = 0; j < scene.shaftCount(); ++j) made.curvature.push_back(zero);
   }
-  for (int n = 0; n < scene.inputCount(); ++n) made.input_slope.push_back(zero);
+  addRow(scene, 1, hold.slip, graph.totalDerivative(hold.slip, rates), C, {}, made);
 }
 
 /// Adds the losses of constraint m, whose multiplier the program has in the slot of jerk `slot`.
@@ -152,9 +151,7 @@ void addHolds(const Scene& scene, SceneFormulas& made) {
   const bool is_classical = scene.principle == Principle::kGauss && !isFormal(scene);
   for (SceneHold& hold : collectHolds(scene)) {
     if (hold.load < 0) {
-      const bool is_opaque = scene.graph->hasOpaque(
-          {hold.slip, hold.torque, hold.upper, hold.lower, hold.level, hold.gap});
-      noteOpaque(hold.element->name(), is_opaque, made);
+      noteOpaque(hold.element->name(), scene.graph->hasOpaque(nodesOf(hold)), made);
     } else {
       const int slot = is_classical ? hold.load : rows + scene.shaftCount() + hold.load;
       addLosses(scene, slot, hold, made);
@@ -179,6 +176,12 @@ void addHolds(const Scene& scene, SceneFormulas& made) {
 
 }  // namespace
 
+std::vector<Node> nodesOf(const SceneHold& it) {
+  std::vector<Node> nodes = {it.slip, it.torque, it.upper, it.lower, it.level, it.gap};
+  if (it.load >= 0) nodes.insert(nodes.end(), {it.slope[0], it.slope[1], it.base[0], it.base[1]});
+  return nodes;
+}
+
 SceneFormulas collectFormulas(const Scene& scene) {
   requireOwnFormulas(scene);
   SceneFormulas made;
@@ -193,8 +196,8 @@ SceneFormulas collectFormulas(const Scene& scene) {
   std::vector<Node> laws = made.torque;
   for (const ConstraintPtr& constraint : scene.constraints) laws.push_back(constraint->function());
   for (const SceneHold& it : made.holds) {
-    laws.insert(laws.end(), {it.slip, it.torque, it.upper, it.lower, it.level, it.gap});
-    if (it.load >= 0) laws.insert(laws.end(), {it.slope[0], it.slope[1], it.base[0], it.base[1]});
+    const std::vector<Node> nodes = nodesOf(it);
+    laws.insert(laws.end(), nodes.begin(), nodes.end());
   }
   laws.insert(laws.end(), made.pair.begin(), made.pair.end());
   for (const SceneState& state : scene.states) made.rate.push_back(state.rate);

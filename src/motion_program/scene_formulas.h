@@ -46,6 +46,8 @@ inline bool isFormal(const Scene& scene) {
   return scene.principle == Principle::kGauss && scene.hasOrder3();
 }
 
+/// Returns the formulas of an element that holds.
+std::vector<expression::Node> nodesOf(const SceneHold& hold);
 /// Throws SceneError, with the element and the reason, for elements that have no series.
 SceneFormulas collectFormulas(const Scene& scene);
 

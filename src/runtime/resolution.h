@@ -2,6 +2,44 @@
  * the step is in no coefficient. series_resolution.inc and series_ranges.inc go before, and the
  * table `resolved` of the scene's operations. */
 
+/* True if no output differs from its polynomial by more than the tolerance allows over h s. A
+ * torque moves velocities by h Q / J and accelerations by Q / J; C epsilon = -psi, and of order 3
+ * C eta = -c0, with epsilon moved by h eta. */
+VS_FUNCTION_RARE int vs_are_outputs_resolved(const scene_series* it,
+                                             const struct SeriesRange* ranges, double h) {
+  int i, p;
+  int is_resolved = 1;
+#define SIZE_OF(r) fabs((double)it->row[r][0])
+#define TOLERANCE_OF(r) vs_tolerance(it, (double)it->row[r][0])
+#define ALLOW(r, allowed) is_resolved = is_resolved && ranges[r].off <= (allowed)
+  for (i = 0; i < S; ++i) {
+    const double J = SIZE_OF(inertia_row[i]);
+    const double of_velocity = J * TOLERANCE_OF(VELOCITY + i) / h;
+    const double of_acceleration = J * TOLERANCE_OF(ACCELERATION + i);
+    const double allowed = seriesSmaller(
+        of_velocity, seriesLarger(of_acceleration, RELATIVE_TOLERANCE * SIZE_OF(torque_row[i])));
+    ALLOW(torque_row[i], allowed);
+    ALLOW(inertia_row[i], RELATIVE_TOLERANCE * J);
+    ALLOW(inertial_row[i], allowed);
+    ALLOW(connection_row[i], RELATIVE_TOLERANCE * seriesLarger(SIZE_OF(connection_row[i]), J / h));
+  }
+  for (p = 0; p < K; ++p) {
+    const int* const entry = entry_row + p * S;
+    double size = 0.0, allowed = 0.0;
+    for (i = 0; i < S; ++i) {
+      size = seriesLarger(size, SIZE_OF(entry[i]));
+      allowed = seriesLarger(allowed, SIZE_OF(entry[i]) * TOLERANCE_OF(ACCELERATION + i));
+    }
+    ALLOW(residual_row[p], order_of[p] == 3 ? allowed / h : allowed);
+    for (i = 0; i < S; ++i) ALLOW(entry[i], RELATIVE_TOLERANCE * size);
+  }
+  for (i = 0; i < STATES; ++i) ALLOW(rate_row[i], TOLERANCE_OF(STATE + i) / h);
+#undef SIZE_OF
+#undef TOLERANCE_OF
+#undef ALLOW
+  return is_resolved;
+}
+
 /* True if no torque, constraint, inertia or limit of an element that holds differs from its series
  * by more than the tolerance allows, up to theta, by ranges over the step, where an operation may
  * have more unresolved than visible terms. at: the values of all rows at the step's start, middle
@@ -13,40 +51,15 @@ VS_FUNCTION_RARE int vs_is_resolved_in_ranges(const scene_series* it, double the
 #else
   struct SeriesRange ranges[SCENE_ROWS];
 #endif
-  int velocity[MOST_SHAFTS], acceleration[MOST_SHAFTS], i;
-  const struct SeriesOutputs outputs = {S,
-                                        K,
-                                        velocity,
-                                        acceleration,
-                                        torque_row,
-                                        residual_row,
-                                        entry_row,
-                                        order_of,
-                                        S,
-                                        0,
-                                        inertia_row,
-                                        inertial_row,
-                                        connection_row,
-                                        ABSOLUTE_TOLERANCE,
-                                        RELATIVE_TOLERANCE,
-                                        theta * it->unit,
-                                        STATES,
-                                        STATE,
-                                        rate_row};
   struct SeriesResolution asked = {
       resolved,  RESOLVED,   VS_PLAIN(it->row[0], SCENE_ROWS * VS_STRIDE),
       VS_STRIDE, it->mode,   VS_PLAIN(it->piece, SCENE_PIECES),
-      ranges,    SCENE_ROWS, &outputs,
-      {0, 0, 0}, it->order,  theta,
-      {0.0}};
-  for (i = 0; i < S; ++i) {
-    velocity[i] = VELOCITY + i;
-    acceleration[i] = ACCELERATION + i;
-  }
-  for (i = 0; i < WATCHED; ++i) ranges[watched_row[i]].off = 0.0;
-  for (i = 0; i < SIGNS; ++i) ranges[sign_row[i]].off = 0.0;
+      ranges,    SCENE_ROWS, {0, 0, 0},
+      it->order, theta,      {0.0}};
+  int i;
   for (i = 0; i < 3 && at != 0; ++i) asked.at[i] = at[i];
-  if (!seriesIsResolved(&asked)) return 0;
+  if (!seriesFollowAll(&asked)) return 1;
+  if (!vs_are_outputs_resolved(it, ranges, theta * it->unit)) return 0;
   for (i = 0; i < WATCHED; ++i) {
     if (!(ranges[watched_row[i]].off <= vs_tolerance(it, it->row[watched_row[i]][0]))) return 0;
   }

@@ -117,7 +117,7 @@ struct Source {
     std::vector<Made> made;
     const Numbers along = slopeAlong(tree, read, by, direction, by.front().path, &made);
     for (const Made& it : made) requireKnown(tree, read, by, *it.program);
-    const std::vector<int> structure = made.front().program->structure();
+    const std::string structure = made.front().program->structure();
     const Numbers values = combine(made, stencil_->of_value);
     Made node = std::move(made.front());
     for (std::size_t j = 0; j < by.size(); ++j) {
@@ -141,7 +141,7 @@ struct Source {
  private:
   const Stencil* stencil_ = kStencils;  ///< with which the slopes were made
 
-  static void requireSame(const std::vector<int>& one, const std::vector<int>& other,
+  static void requireSame(const std::string& one, const std::string& other,
                           const std::string& path) {
     if (one == other) return;
     throw SceneError(path,
