@@ -173,8 +173,8 @@ class Emission {
     std::string player = withName(kPlayer, name_);
     replaceAll(player, "\"scene.h\"", "\"" + name_ + ".h\"");
     made.main = "/* " + title_ + " */" + player;
-    made.readme = writeReadme(scene_, name_, title_);
-    made.makefile = writeMakefile(name_);
+    made.readme = writeReadme();
+    made.makefile = writeMakefile();
     return made;
   }
 
@@ -248,6 +248,24 @@ class Emission {
            withName(program_.writeMotion(false) + kCommands + kInterface, name_);
   }
 
+  std::string writeReadme() const {
+    // (Names from the scene are not replaced: one may contain the placeholder of the scene's name.)
+    const auto complete = [&](std::string text) {
+      replaceAll(text, "scene_@", name_);
+      replaceAll(text, "@RELATIVE@", formatReal(scene_.solver.relative_tolerance));
+      replaceAll(text, "@ABSOLUTE@", formatReal(scene_.solver.absolute_tolerance));
+      return withName(text, name_);
+    };
+    return "# " + name_ + "\n\nWritten by `simulate --emit-c` from " + title_ + ".\n" +
+           complete(kUse) + "\n" + tablesOf(scene_) + complete(kLimits);
+  }
+
+  std::string writeMakefile() const {
+    return "CFLAGS = -std=c99 -O2 -Wall -Wextra\n\n" + name_ + "_play: main.c " + name_ + ".c " +
+           name_ + ".h\n\t$(CC) $(CFLAGS) -o $@ main.c " + name_ + ".c -lm\n\nclean:\n\trm -f " +
+           name_ + "_play\n\n.PHONY: clean\n";
+  }
+
   Simulation& simulation_;
   const Scene& scene_;
   const std::string name_;
@@ -256,24 +274,6 @@ class Emission {
 };
 
 }  // namespace
-
-std::string writeReadme(const Scene& scene, const std::string& name, const std::string& title) {
-  // (Names from the scene are not replaced: one may contain the placeholder of the scene's name.)
-  const auto complete = [&](std::string text) {
-    replaceAll(text, "scene_@", name);
-    replaceAll(text, "@RELATIVE@", formatReal(scene.solver.relative_tolerance));
-    replaceAll(text, "@ABSOLUTE@", formatReal(scene.solver.absolute_tolerance));
-    return withName(text, name);
-  };
-  return "# " + name + "\n\nWritten by `simulate --emit-c` from " + title + ".\n" + complete(kUse) +
-         "\n" + tablesOf(scene) + complete(kLimits);
-}
-
-std::string writeMakefile(const std::string& name) {
-  return "CFLAGS = -std=c99 -O2 -Wall -Wextra\n\n" + name + "_play: main.c " + name + ".c " + name +
-         ".h\n\t$(CC) $(CFLAGS) -o $@ main.c " + name + ".c -lm\n\nclean:\n\trm -f " + name +
-         "_play\n\n.PHONY: clean\n";
-}
 
 void writeEmittedScene(const EmittedScene& scene, const std::string& directory) {
   const std::array<EmittedFile, 5> files{{{scene.name + ".h", scene.header, "/* ", " */"},

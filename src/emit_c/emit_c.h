@@ -24,10 +24,6 @@ std::string nameForC(const std::string& scene_path);
 /// SceneError, with the element and the reason, for elements that cannot be written.
 EmittedScene emitScene(Simulation& simulation, const std::string& name, const std::string& title);
 
-/// Writes README.md: stepping the scene in a controller, the meaning of its numbers, its limits.
-std::string writeReadme(const Scene& scene, const std::string& name, const std::string& title);
-std::string writeMakefile(const std::string& name);
-
 /// Writes files to `directory`, which is made if it is missing. Each file ends with a checksum of
 /// its text; an existing file without it is a user's, and rejected before any file is written.
 /// Throws std::runtime_error.
