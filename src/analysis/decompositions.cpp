@@ -14,13 +14,6 @@ using Eigen::VectorXd;
 
 namespace {
 
-/// M P = Q R with pivots that never grow; M is not empty.
-Eigen::ColPivHouseholderQR<MatrixXd> decompose(const MatrixXd& M, double threshold) {
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(M);
-  qr.setThreshold(threshold);
-  return qr;
-}
-
 /// Returns M's rank and the X of least length that minimizes |M X - right|. X is NaN if M or right
 /// is not finite.
 Eigen::Index solveShortest(const MatrixXd& M, const MatrixXd& right, double threshold,
@@ -100,7 +93,8 @@ int deflateZero(MatrixXd& M) {
 
 IndependentRows findIndependentRows(const MatrixXd& M, double threshold) {
   if (M.size() == 0) return {MatrixXd(0, M.rows()), {}};
-  const auto qr = decompose(M, threshold);
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(M);
+  qr.setThreshold(threshold);
   const MatrixXd Q = qr.householderQ();
   const auto* const pivots = qr.colsPermutation().indices().data();
   return {Q.leftCols(qr.rank()).transpose(), {pivots, pivots + qr.rank()}};
@@ -121,7 +115,8 @@ bool solveSquare(const MatrixXd& M, const MatrixXd& right, double threshold, Mat
 MatrixXd findKernel(const MatrixXd& M, double threshold) {
   if (M.size() == 0) return MatrixXd::Identity(M.cols(), M.cols());
   // M^T P = Q R: the remaining columns of Q are orthogonal to all rows of M.
-  const auto qr = decompose(M.transpose(), threshold);
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(M.transpose());
+  qr.setThreshold(threshold);
   const MatrixXd Q = qr.householderQ();
   return Q.rightCols(M.cols() - qr.rank());
 }

@@ -41,22 +41,6 @@ MatrixXd solveScaled(const MatrixXd& M, const MatrixXd& right) {
   return column.asDiagonal() * solution;
 }
 
-/// Returns columns from `first` on that `rows` can be solved for, as many as there are independent
-/// rows (`rank` < 0) or `rank`.
-std::vector<int> findDependent(const MatrixXd& rows, int first, int rank, const VectorXd& inertia,
-                               MatrixXd& independent) {
-  const MatrixXd scaled =
-      rows.middleCols(first, inertia.size()) * inertia.cwiseSqrt().cwiseInverse().asDiagonal();
-  IndependentRows found = findIndependentRows(scaled, 1e-9);
-  const auto independent_rows = static_cast<int>(found.pivots.size());
-  if (rank < 0) rank = independent_rows;
-  if (independent_rows < rank) throw SceneError("", kLostRank);
-  independent = found.transform.topRows(rank) * rows;
-  found.pivots.resize(at(rank));
-  for (int& pivot : found.pivots) pivot += first;
-  return found.pivots;
-}
-
 /// States that determine the others: x = N x_kept for all x with G x = 0.
 struct ManifoldCoordinates {
   std::vector<int> kept;
@@ -73,12 +57,18 @@ ManifoldCoordinates findCoordinates(const MatrixXd& G, int velocity_rows, const 
   const int others = static_cast<int>(G.rows()) - velocity_rows;
   std::vector<int> dependent;
   MatrixXd rows(0, n);
+  // (`rank`: the number of rows that have to be independent, or -1.)
   const auto leave_out = [&](const MatrixXd& of, int first, int rank) {
     if (of.rows() == 0) return;
-    MatrixXd independent;
-    const std::vector<int> more = findDependent(of, first, rank, inertia, independent);
-    dependent.insert(dependent.end(), more.begin(), more.end());
-    MatrixXd both(rows.rows() + independent.rows(), n);
+    const MatrixXd scaled =
+        of.middleCols(first, S) * inertia.cwiseSqrt().cwiseInverse().asDiagonal();
+    const IndependentRows found = findIndependentRows(scaled, 1e-9);
+    const auto independent_rows = static_cast<int>(found.pivots.size());
+    if (rank < 0) rank = independent_rows;
+    if (independent_rows < rank) throw SceneError("", kLostRank);
+    for (int j = 0; j < rank; ++j) dependent.push_back(first + found.pivots[at(j)]);
+    const MatrixXd independent = found.transform.topRows(rank) * of;
+    MatrixXd both(rows.rows() + rank, n);
     both << rows, independent;
     rows = both;
   };

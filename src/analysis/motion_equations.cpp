@@ -147,15 +147,16 @@ void MotionEquations::addStuck(int hold) {
                                "the stuck element " + inQuotes(it.element->nameOf(it.law))));
   if (!constraints_.back().has_constant_C) return;
   // A row that others imply leaves the motion as it is without it.
-  std::vector<VectorXd> rows;
-  for (const ConstraintFormulas& other : constraints_) {
-    if (!other.has_constant_C) continue;
-    VectorXd& row = rows.emplace_back(layout_.S);
-    for (int i = 0; i < layout_.S; ++i) row(i) = graph_.constantValue(other.C[at(i)]);
+  std::size_t constant = 0;
+  MatrixXd C = MatrixXd::Zero(constraints_.size(), layout_.S);
+  for (std::size_t m = 0; m < constraints_.size(); ++m) {
+    if (!constraints_[m].has_constant_C) continue;
+    ++constant;
+    for (int i = 0; i < layout_.S; ++i) {
+      C(static_cast<int>(m), i) = graph_.constantValue(constraints_[m].C[at(i)]);
+    }
   }
-  MatrixXd C(rows.size(), layout_.S);
-  for (std::size_t m = 0; m < rows.size(); ++m) C.row(static_cast<int>(m)) = rows[m];
-  if (findIndependentRows(C, 1e-9).pivots.size() < rows.size()) constraints_.pop_back();
+  if (findIndependentRows(C, 1e-9).pivots.size() < constant) constraints_.pop_back();
 }
 
 ConstraintFormulas MotionEquations::rowOf(int row, int order, const std::string& name) {

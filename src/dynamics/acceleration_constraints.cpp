@@ -79,15 +79,11 @@ bool AccelerationConstraints::factor(const StateView& state) {
   return rows_.factor(mobility());
 }
 
-bool AccelerationConstraints::calcCorrection(const StateView& state, double* delta) {
+bool AccelerationConstraints::calcCorrection(const StateView& state, double* delta, bool is_free) {
   if (!factor(state)) return false;
-  Vector::Map(delta, S) = rows_.toAccelerations() * rows_.solve(-psi_);
-  return true;
-}
-
-bool AccelerationConstraints::calcLinearizedReaction(const StateView& state, double* delta) {
-  if (!factor(state)) return false;
-  for (int i = 0; i < S; ++i) psi_ += rows_.jacobian().col(i) * (free_(i) - state.acceleration[i]);
+  for (int i = 0; i < S && is_free; ++i) {
+    psi_ += rows_.jacobian().col(i) * (free_(i) - state.acceleration[i]);
+  }
   Vector::Map(delta, S) = rows_.toAccelerations() * rows_.solve(-psi_);
   return true;
 }

@@ -36,12 +36,10 @@ class AccelerationConstraints {
 
   /// One step of Newton's iteration onto psi = 0 by the accelerations, in the metric J:
   ///     delta = -J^-1 C^T A^-1 psi.
-  /// False if C has lost rank.
-  bool calcCorrection(const StateView& state, double* delta);
-  /// The accelerations of least reaction under the constraints linearised at `state`,
+  /// With `is_free` the accelerations of least reaction under the constraints linearised there,
   ///     free - J^-1 C^T A^-1 (psi + C (free - epsilon)),
   /// as the correction to `free`. False if C has lost rank.
-  bool calcLinearizedReaction(const StateView& state, double* delta);
+  bool calcCorrection(const StateView& state, double* delta, bool is_free = false);
   /// lambda (one per row) of the part of R in range(C^T): A lambda = C J^-1 R. False if C has lost
   /// rank.
   bool calcMultipliers(const StateView& state, double* lambda);

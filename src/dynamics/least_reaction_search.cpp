@@ -61,7 +61,7 @@ void LeastReactionSearch::approach(const StateView& given, double* epsilon) {
   state.acceleration = epsilon;
   for (int iteration = 0; iteration < 100; ++iteration) {
     double delta[kMaxShafts];
-    if (!constraints_.calcLinearizedReaction(state, delta)) return;
+    if (!constraints_.calcCorrection(state, delta, true)) return;
     for (int i = 0; i < S; ++i) {
       if (!std::isfinite(delta[i])) return;
       epsilon[i] += 0.5 * (free()(i) + delta[i] - epsilon[i]);
@@ -396,7 +396,7 @@ void LeastReactionSearch::descend(Vector epsilon) {
   bool is_stuck = false;  // on a kink, maybe
   for (int iteration = 0; iteration < 25; ++iteration) {
     Vector delta(S);
-    if (!constraints_.calcLinearizedReaction(state, delta.data())) break;
+    if (!constraints_.calcCorrection(state, delta.data(), true)) break;
     const Vector old = epsilon;
     delta += free() - epsilon;
     if (!(delta.cwiseAbs().maxCoeff() > 1e-6 * epsilon.cwiseAbs().maxCoeff())) break;
