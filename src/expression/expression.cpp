@@ -6,19 +6,12 @@ namespace {
 using expression::Graph;
 using expression::Node;
 
-/// Returns the graph of the expressions; null when all are constants.
-template <class... Expressions>
-Graph* graphOf(const Expressions&... expressions) {
-  Graph* graph = nullptr;
-  for (const Expression* one : {&expressions...}) graph = graph == nullptr ? one->graph() : graph;
-  return graph;
-}
-
 /// Returns the result of `make` in the graph of `expressions`. For constants, which have none, a
 /// temporary graph computes it as run time would.
 template <class Make, class... Expressions>
 Expression makeIn(const Make& make, const Expressions&... expressions) {
-  Graph* graph = graphOf(expressions...);
+  Graph* graph = nullptr;
+  for (const Expression* one : {&expressions...}) graph = graph == nullptr ? one->graph() : graph;
   if (graph != nullptr) return {*graph, make(*graph, expressions.in(*graph)...)};
   Graph passing;
   return passing.constantValue(make(passing, expressions.in(passing)...));

@@ -41,10 +41,6 @@ int indexIn(std::vector<std::shared_ptr<const T>>& tables, const std::shared_ptr
   return index;
 }
 
-bool isCommutative(Operation operation) {
-  return operation == Operation::kAdd || operation == Operation::kMultiply;
-}
-
 }  // namespace
 
 std::size_t Graph::EntryHash::operator()(const Entry& entry) const {
@@ -80,7 +76,7 @@ Node Graph::internOperation(Operation operation, Node a, Node b, Node c, Node d)
     values[i] = isConstant(nodes[i]) ? constantValue(nodes[i]) : 0.0;
   }
   if (all_constant) return constant(evaluateOperation(operation, values));
-  if (isCommutative(operation)) {
+  if (operation == Operation::kAdd || operation == Operation::kMultiply) {
     // Both operands are sorted: constants first, then by age.
     const bool swap =
         isConstant(a) != isConstant(b) ? isConstant(b) : entry.operands[0] > entry.operands[1];

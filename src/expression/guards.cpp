@@ -24,10 +24,6 @@ constexpr Branching kBranching[] = {{Operation::kAbs, "abs", false},
                                     {Operation::kSign, "sign", true},
                                     {Operation::kSelect, "if", true}};
 
-bool isTime(const Graph::Entry& entry) {
-  return entry.operation == Operation::kVariable && entry.slot == slotOf(Source::kTime);
-}
-
 }  // namespace
 
 std::vector<Passage> findPassages(const Graph& graph, const std::vector<Node>& nodes) {
@@ -73,7 +69,10 @@ std::vector<Branch> findBranches(Graph& graph, const std::vector<Node>& nodes) {
 std::size_t countSwitchingFunctions(Graph& graph, const std::vector<Node>& nodes) {
   const std::vector<Passage> passages = findPassages(graph, nodes);
   const auto switches = [&](const Passage& it) {
-    return !isTime(graph.entry(it.argument)) || it.smoothness != 3;
+    const Graph::Entry& entry = graph.entry(it.argument);
+    const bool is_time =
+        entry.operation == Operation::kVariable && entry.slot == slotOf(Source::kTime);
+    return !is_time || it.smoothness != 3;
   };
   return findBranches(graph, nodes).size() +
          static_cast<std::size_t>(std::count_if(passages.begin(), passages.end(), switches));

@@ -422,12 +422,14 @@ class Parser {
     return names;
   }
 
-  [[noreturn]] void failUnknown(const std::string& name, std::size_t where) const {
+  /// Fails if there is an explanation of a name.
+  void failExplained(const std::string& what, const std::string& name, std::size_t where) const {
     std::string explanation = explainForeignWord(name);
     if (explanation.empty() && explain_) explanation = explain_(name);
-    if (!explanation.empty()) {
-      fail(where, "unknown name " + inQuotes(name) + ": " + explanation);
-    }
+    if (!explanation.empty()) fail(where, what + inQuotes(name) + ": " + explanation);
+  }
+  [[noreturn]] void failUnknown(const std::string& name, std::size_t where) const {
+    failExplained("unknown name ", name, where);
     std::vector<std::string> names;
     for (const auto& symbol : symbols_) names.push_back(symbol.first);
     names.emplace_back("pi");
@@ -441,9 +443,7 @@ class Parser {
     if (symbols_.count(name) != 0 || name == "pi") {
       fail(where, inQuotes(name) + " is not a function (a product needs its '*')");
     }
-    std::string hint = explainForeignWord(name);
-    if (hint.empty() && explain_) hint = explain_(name);
-    if (!hint.empty()) fail(where, "unknown function " + inQuotes(name) + ": " + hint);
+    failExplained("unknown function ", name, where);
     fail(where, "unknown function " + inQuotes(name) + suggestName(name, callableNames()) +
                     "; functions are " + joinNames(callableNames()));
   }

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <iterator>
+#include <map>
 #include <set>
 
 #include "characters.h"
@@ -20,15 +21,6 @@ bool isNumbered(const std::string& name, const std::string& prefix) {
                      isDigit);
 }
 
-/// Returns a list such as "w1, w2".
-std::string listNumbered(const std::string& prefix, int count) {
-  std::vector<std::string> names;
-  for (int i = 1; i <= count; ++i) {
-    names.push_back(prefix + std::to_string(i));
-  }
-  return joinNames(names);
-}
-
 constexpr const char* kPrefixes[] = {"phi", "w", "e", "j"};
 
 /// True for `prefix` with an index or with the name of a shaft.
@@ -43,19 +35,18 @@ bool isVariable(const std::string& name, const std::string& prefix,
 /// Explains why the name of a variable has no meaning here; empty if it has one.
 std::string explainName(const std::string& name, const std::vector<std::string>& shafts,
                         FormulaKind kind) {
-  const bool order3 = kind == FormulaKind::kOrder3;
-  if (isVariable(name, "j", shafts) && !order3) {
+  if (kind != FormulaKind::kOrder3 && isVariable(name, "j", shafts)) {
     return "jerks occur in constraints of order 3 only";
   }
-  const bool is_acceleration = isVariable(name, "e", shafts);
-  if (kind == FormulaKind::kOrder1 && is_acceleration) {
-    return "a constraint of order 1 may depend on t, phi and w only";
-  }
-  if (kind == FormulaKind::kTorque && is_acceleration) {
-    return "a torque may depend on t, phi and w only (with e its rate would need the jerk)";
-  }
-  if (kind == FormulaKind::kQuantity && is_acceleration) {
-    return "a quantity of a law may depend on t, phi, w, inputs and tables only";
+  const std::map<FormulaKind, const char*> without_accelerations = {
+      {FormulaKind::kOrder1, "a constraint of order 1 may depend on t, phi and w only"},
+      {FormulaKind::kTorque,
+       "a torque may depend on t, phi and w only (with e its rate would need the jerk)"},
+      {FormulaKind::kQuantity,
+       "a quantity of a law may depend on t, phi, w, inputs and tables only"}};
+  const auto refused = without_accelerations.find(kind);
+  if (refused != without_accelerations.end() && isVariable(name, "e", shafts)) {
+    return refused->second;
   }
   if (name.compare(0, 2, "Q_") == 0) {
     return "--explain calls the torque of an element so; rate, when, set and outputs may read "
@@ -65,12 +56,12 @@ std::string explainName(const std::string& name, const std::vector<std::string>&
   if (name.compare(0, 2, "G_") == 0 || name == "Z" || name == "constraint_measure") {
     return "outputs may read it; the motion follows from it, and so do states and events";
   }
-  const int shaft_count = static_cast<int>(shafts.size());
   for (const char* prefix : kPrefixes) {
-    if (isNumbered(name, prefix)) {
-      return "the scene has " + std::to_string(shaft_count) +
-             (shaft_count == 1 ? " shaft: " : " shafts: ") + listNumbered(prefix, shaft_count);
-    }
+    if (!isNumbered(name, prefix)) continue;
+    std::vector<std::string> names;
+    for (std::size_t i = 1; i <= shafts.size(); ++i) names.push_back(prefix + std::to_string(i));
+    return "the scene has " + std::to_string(shafts.size()) +
+           (shafts.size() == 1 ? " shaft: " : " shafts: ") + joinNames(names);
   }
   return "";
 }
@@ -122,23 +113,6 @@ SymbolTable nameVariables(const ComponentContext& context, FormulaKind kind, Gra
   return named;
 }
 
-}  // namespace
-
-std::string describeTakenName(const std::string& name, const std::vector<std::string>& shafts) {
-  if (name == "pi") return "already the name of a number";
-  if (findFunction(name) != nullptr) return "already the name of a function";
-  const bool is_variable = name == "t" || std::any_of(std::begin(kPrefixes), std::end(kPrefixes),
-                                                      [&](const char* prefix) {
-                                                        return isVariable(name, prefix, shafts);
-                                                      });
-  if (!is_variable) return "";
-  return "the name of a variable (t, phi1.., w1.., e1.. and j1.. are, and the same with the names "
-         "of shafts: w_" +
-         shafts.front() + ")";
-}
-
-namespace {
-
 /// `reader` holds the formula and, in some components, its parameters.
 Node readWithParameters(ComponentContext& context, ParameterReader& reader, const std::string& key,
                         const std::map<std::string, double>& parameters, FormulaKind kind,
@@ -189,6 +163,19 @@ Node readWithParameters(ComponentContext& context, ParameterReader& reader, cons
 }
 
 }  // namespace
+
+std::string describeTakenName(const std::string& name, const std::vector<std::string>& shafts) {
+  if (name == "pi") return "already the name of a number";
+  if (findFunction(name) != nullptr) return "already the name of a function";
+  const bool is_variable = name == "t" || std::any_of(std::begin(kPrefixes), std::end(kPrefixes),
+                                                      [&](const char* prefix) {
+                                                        return isVariable(name, prefix, shafts);
+                                                      });
+  if (!is_variable) return "";
+  return "the name of a variable (t, phi1.., w1.., e1.. and j1.. are, and the same with the names "
+         "of shafts: w_" +
+         shafts.front() + ")";
+}
 
 Node readFormula(ComponentContext& context, const std::string& key, FormulaKind kind,
                  Graph& graph) {

@@ -35,7 +35,9 @@ class SeriesCompiler {
     for (const int i : graph_.listReachable(outputs)) {
       forms_[static_cast<std::size_t>(i)] = makeForm(graph_.entry({i}));
     }
-    for (const Node output : outputs) made_.outputs_.push_back(rowOf(output.index));
+    for (const Node output : outputs) {
+      made_.outputs_.push_back(made_.row_of_[output.index] = rowOf(output.index));
+    }
   }
 
  private:

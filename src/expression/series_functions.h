@@ -1,6 +1,8 @@
 /// The functions that a SeriesProgram has recurrences of.
 #pragma once
 
+#include <cstdint>
+
 /// F(code, kind, call): the instruction, its kind in series_operation.inc (kSeriesNone if only
 /// other recurrences read its result), and the function of runtime/operations.h that computes
 /// coefficient n. In the call, y and z are the rows of the results, a to d those of the operands,
@@ -35,3 +37,17 @@
   F(kMax, kSeriesOther, vs_choose(y, a, b, b, a, mode, n))                                \
   F(kSelect, kSeriesEither, vs_choose(y, a, b, c, d, mode, n))                            \
   F(kWhereFinite, kSeriesFinite, vs_where_finite(y, a, b, n))
+
+namespace variator_sim::expression {
+
+enum class SeriesCode : std::uint8_t {
+  kLinear,
+#define VARIATOR_SIM_CODE(code, kind, call) code,
+  VARIATOR_SIM_SERIES_FUNCTIONS(VARIATOR_SIM_CODE)
+#undef VARIATOR_SIM_CODE
+      kTable,
+  kTable2,
+  kOpaque
+};
+
+}  // namespace variator_sim::expression

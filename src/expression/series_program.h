@@ -14,7 +14,7 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 #include <utility>
@@ -39,15 +39,7 @@ class SeriesProgram {
   static constexpr int kAlong = 8;
   static constexpr int kNoDegree = 1 << 20;
 
-  enum class Code : std::uint8_t {
-    kLinear,
-#define VARIATOR_SIM_CODE(code, kind, call) code,
-    VARIATOR_SIM_SERIES_FUNCTIONS(VARIATOR_SIM_CODE)
-#undef VARIATOR_SIM_CODE
-        kTable,
-    kTable2,
-    kOpaque
-  };
+  using Code = SeriesCode;
   /// The function of the runtime that holds an instruction: vs_given (no accelerations), vs_tried
   /// (with accelerations, and constraints read it), vs_rest (others with accelerations), vs_at_once
   /// (needed at order 0 only). vs_corrected has the changes of vs_tried.
@@ -73,6 +65,7 @@ class SeriesProgram {
     int row;
     double factor;
   };
+
   /// Makes rows for `outputs` and for the variables in `slots`, which have to be all that occur.
   /// The first `tried` outputs are those that constraints read, the first `series` ones are needed
   /// as series, the others at order 0.
@@ -81,50 +74,27 @@ class SeriesProgram {
   SeriesProgram(const SeriesProgram&) = delete;
   SeriesProgram& operator=(const SeriesProgram&) = delete;
 
-  /// The row of output n.
-  int output(int n) const {
-    return outputs_[static_cast<std::size_t>(n)];
-  }
+  int rowOf(Node output) const { return row_of_.at(output.index); }
   /// True when the row depends on an acceleration.
-  bool isAccelerated(int row) const {
-    return accelerated_[static_cast<std::size_t>(row)] != 0;
-  }
+  bool isAccelerated(int row) const { return accelerated_[static_cast<std::size_t>(row)] != 0; }
   /// The last coefficient of a row that is a polynomial of s; otherwise a number beyond all orders.
-  int degree(int row) const {
-    return degree_[static_cast<std::size_t>(row)];
-  }
+  int degree(int row) const { return degree_[static_cast<std::size_t>(row)]; }
   /// The instructions of a part, in order.
   const std::vector<const Instruction*>& instructions(Part part) const {
     return parts_[static_cast<std::size_t>(part)];
   }
-  const std::vector<DenseTable>& tables() const {
-    return tables_;
-  }
+  const std::vector<DenseTable>& tables() const { return tables_; }
   /// Rows with a value that never changes.
-  const std::vector<std::pair<int, double>>& constants() const {
-    return constants_;
-  }
+  const std::vector<std::pair<int, double>>& constants() const { return constants_; }
   /// Terms of sums: those of an instruction from aux[0] on, aux[1] of them.
-  const std::vector<Term>& terms() const {
-    return terms_;
-  }
+  const std::vector<Term>& terms() const { return terms_; }
   /// The rows of the accelerations.
-  const std::vector<int>& accelerations() const {
-    return accelerations_;
-  }
+  const std::vector<int>& accelerations() const { return accelerations_; }
   /// The operations that determine the outputs that are series, in order, with their operand rows.
-  const std::vector<SeriesOperation>& resolved() const {
-    return resolved_;
-  }
-  int rows() const {
-    return rows_;
-  }
-  int modes() const {
-    return modes_;
-  }
-  int pieces() const {
-    return pieces_;
-  }
+  const std::vector<SeriesOperation>& resolved() const { return resolved_; }
+  int rows() const { return rows_; }
+  int modes() const { return modes_; }
+  int pieces() const { return pieces_; }
   /// Returns vs_numbers::constants: factors of terms, then constants of instructions.
   std::vector<double> numbers() const;
   /// The place of an instruction's constant there.
@@ -144,7 +114,6 @@ class SeriesProgram {
   /// may overflow by an exp.
   int limitOf(const Instruction& it, const std::vector<bool>& grows) const;
 
-  SeriesOperation operationOf(const Instruction& it) const;
   std::vector<SeriesOperation> operationsOf(const Instruction& it) const;
   void listResolved();
   /// Finds the degrees of operations along parabolas of the variables: sums and products of these.
@@ -159,7 +128,8 @@ class SeriesProgram {
   std::vector<Term> terms_;
   std::vector<DenseTable> tables_;
   std::vector<int> accelerations_;  ///< their rows
-  std::vector<int> outputs_;
+  std::vector<int> outputs_;        ///< likewise
+  std::map<int, int> row_of_;       ///< of outputs, by node
   std::vector<int> variables_;
   std::vector<std::pair<int, double>> constants_;  ///< row and value
   int rows_ = 0;

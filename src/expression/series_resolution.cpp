@@ -9,8 +9,9 @@
 
 namespace variator_sim::expression {
 
-/// Returns the operation of an instruction's function; instructions of recurrences alone have none.
-SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
+/// Returns the operations of an instruction that its result follows from, the last one first;
+/// instructions of recurrences alone have none.
+std::vector<SeriesOperation> SeriesProgram::operationsOf(const Instruction& it) const {
   constexpr int kKinds[] = {kSeriesNone,
 #define VARIATOR_SIM_KIND(code, kind, call) kind,
                             VARIATOR_SIM_SERIES_FUNCTIONS(VARIATOR_SIM_KIND)
@@ -37,12 +38,7 @@ SeriesOperation SeriesProgram::operationOf(const Instruction& it) const {
     made.f = made.b < 0 ? 1.0 : Table::kDegree + 1.0;  // from a power of a to the next
   }
   if (made.kind == kSeriesNone) made.a = -1;
-  return made;
-}
 
-/// Returns the operations of an instruction that its result follows from, the last one first.
-std::vector<SeriesOperation> SeriesProgram::operationsOf(const Instruction& it) const {
-  SeriesOperation made = operationOf(it);
   std::vector<SeriesOperation> operations;
   if (it.code == Code::kLinear) {
     made.degree = 0;

@@ -50,9 +50,6 @@ TermPtr makeSymbol(Symbol symbol);
 TermPtr makeSum(const std::vector<TermPtr>& parts);
 TermPtr makeProduct(const TermPtr& a, const TermPtr& b);
 TermPtr makePower(const TermPtr& base, const TermPtr& exponent);
-inline TermPtr makeQuotient(const TermPtr& a, const TermPtr& b) {
-  return makeProduct(a, makePower(b, makeNumber(-1.0)));
-}
 inline TermPtr makeNegative(const TermPtr& a) {
   return makeProduct(makeNumber(-1.0), a);
 }

@@ -126,7 +126,7 @@ class TermMaker {
       case Operation::kMultiply:
         return makeProduct(operand(0), operand(1));
       case Operation::kDivide:
-        return makeQuotient(operand(0), operand(1));
+        return makeProduct(operand(0), makePower(operand(1), makeNumber(-1.0)));
       case Operation::kPower:
         return makePower(operand(0), operand(1));
       case Operation::kTable:

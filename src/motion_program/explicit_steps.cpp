@@ -30,8 +30,8 @@ template <class Scheme>
 class OdeintScheme final : public ExplicitScheme {
  public:
   /// `size`: of x.
-  OdeintScheme(const MotionProgram& program, int size, int order)
-      : ExplicitScheme(order),
+  OdeintScheme(const MotionProgram& program, int size, int p)
+      : ExplicitScheme(p),
         tolerance_{program.ABSOLUTE_TOLERANCE, program.RELATIVE_TOLERANCE},
         x_(static_cast<std::size_t>(size)),
         dxdt_(x_),

@@ -28,22 +28,16 @@ struct ExplicitStep {
 /// Its functions are [loop].
 class ExplicitScheme {
  public:
+  explicit ExplicitScheme(int p) : order(p) {}
   virtual ~ExplicitScheme() = default;
   ExplicitScheme(const ExplicitScheme&) = delete;
   ExplicitScheme& operator=(const ExplicitScheme&) = delete;
 
-  /// Returns p of the error h^p.
-  int order() const { return order_; }
+  const int order;  ///< p of the error h^p
   /// Makes a step. Returns its error in tolerances; NaN where the motion has no value.
   virtual double make(const ExplicitStep& step) = 0;
   /// Returns the error of the last step's end, or null where it has none for each component.
-  virtual const double* errorAtEnd() const { return nullptr; }
-
- protected:
-  explicit ExplicitScheme(int order) : order_(order) {}
-
- private:
-  const int order_;
+  virtual const double* errorAtEnd() const = 0;
 };
 
 /// Returns the scheme of the scene's stepper for states of `size` components, or null where the

@@ -23,12 +23,6 @@ int orderFor(const SolverSettings& solver) {
   return std::max(4, static_cast<int>(std::ceil(1.5 + 0.6 * digits)));
 }
 
-bool hasOrder(const Scene& scene, int low, int high) {
-  return std::any_of(
-      scene.constraints.begin(), scene.constraints.end(),
-      [&](const ConstraintPtr& it) { return it->order() >= low && it->order() <= high; });
-}
-
 }  // namespace
 
 MotionProgram::MotionProgram(const Scene& scene, std::vector<Node> shown, Steps steps)
@@ -53,7 +47,7 @@ MotionProgram::MotionProgram(const Scene& scene, std::vector<Node> shown, Steps 
 void MotionProgram::listShown() {
   std::set<int> shown;
   for (int r = 0; r < STATE + STATES; ++r) shown.insert(r);
-  for (std::size_t n = 0; n < series_; ++n) shown.insert(program_.output(static_cast<int>(n)));
+  for (std::size_t n = 0; n < series_; ++n) shown.insert(rowOf(outputs_[n]));
   for (const expression::SeriesOperation& it : resolved.values) {
     for (const int r : {it.result, it.second, it.a, it.b}) {
       if (expression::seriesMayHide(&it, 0) && r >= 0) shown.insert(r);
@@ -158,25 +152,18 @@ std::vector<int> MotionProgram::listSlots(const Scene& scene) {
   return made;
 }
 
-int MotionProgram::rowOf(Node node) const {
-  const auto found = std::find_if(outputs_.begin(), outputs_.end(),
-                                  [&](Node it) { return it.index == node.index; });
-  return program_.output(static_cast<int>(found - outputs_.begin()));
-}
-
 MotionList<int> MotionProgram::rowsOf(const std::vector<Node>& nodes) const {
   MotionList<int> rows;
   for (const Node node : nodes) rows.values.push_back(rowOf(node));
   return rows;
 }
 
+bool MotionProgram::areAccelerated(const MotionList<int>& rows) const {
+  return std::any_of(rows.values.begin(), rows.values.end(),
+                     [this](int row) { return program_.isAccelerated(row); });
+}
+
 void MotionProgram::setSizes(const Scene& scene) {
-  const auto anyEntry = [&](const auto& test) {
-    const auto has = [&](Node node) { return test(rowOf(node)); };
-    const bool found = std::any_of(formulas_.entry.begin(), formulas_.entry.end(), has) ||
-                       std::any_of(formulas_.direction.begin(), formulas_.direction.end(), has);
-    return found ? 1 : 0;
-  };
   S = scene.shaftCount();
   CONSTRAINTS = scene.constraintCount();
   HOLDS = static_cast<int>(formulas_.holds.size());
@@ -189,9 +176,6 @@ void MotionProgram::setSizes(const Scene& scene) {
   IS_COUPLED = scene.inertia.isDiagonal(0.0) && IS_GENERAL == 0 ? 0 : 1;
   INERTIA_VARIES = formulas_.inertia_varies ? 1 : 0;
   HAS_CONNECTION = INERTIA_VARIES != 0 && IS_GAUSS == 0 ? 1 : 0;
-  ENTRIES_TURN = anyEntry([this](int row) { return program_.isAccelerated(row); });
-  HAS_ORDER_1 = HOLDS > 0 || hasOrder(scene, 1, 1) ? 1 : 0;
-  HAS_RESIDUAL = HOLDS > 0 || hasOrder(scene, 1, 2) ? 1 : 0;
   HAS_GIVEN_ACCELERATIONS = scene.initial.acceleration.empty() ? 0 : 1;
   MAY_PROJECT = scene.initial.project ? 1 : 0;
   // C depends on no acceleration and no input (of elements that hold, either): a jump is one
@@ -226,14 +210,9 @@ void MotionProgram::setSizes(const Scene& scene) {
 void MotionProgram::setStages(const Scene& scene) {
   constexpr int kStages = 5;
   constexpr int kPairs = 2;
-  const auto isRead = [this](int row) { return program_.isAccelerated(row); };
-  const MotionList<int> torques = rowsOf(formulas_.torque);
-  const MotionList<int> rates = rowsOf(formulas_.rate);
-  READS_ACCELERATIONS = (IS_GAUSS != 0 && IS_CURVED != 0) ||
-                                std::any_of(torques.values.begin(), torques.values.end(), isRead) ||
-                                std::any_of(rates.values.begin(), rates.values.end(), isRead)
-                            ? 1
-                            : 0;
+  const bool reads =
+      (IS_GAUSS != 0 && IS_CURVED != 0) || areAccelerated(torque_row) || areAccelerated(rate_row);
+  READS_ACCELERATIONS = reads ? 1 : 0;
   const bool reads_time = scene.graph->dependsOn(outputs_, slotOf(Source::kTime));
   RESTS = scene.solver.sleep && !reads_time ? 1 : 0;
   CHOOSES_METHOD = stepper == StepperKind::kAuto ? 1 : 0;
@@ -285,6 +264,9 @@ std::vector<int> MotionProgram::findNeutral(const Scene& scene) const {
 void MotionProgram::setLists(const Scene& scene) {
   for (const ConstraintPtr& it : scene.constraints) order_of.values.push_back(it->order());
   order_of.values.resize(static_cast<std::size_t>(K), 1);
+  const int lowest = K > 0 ? *std::min_element(order_of.values.begin(), order_of.values.end()) : 3;
+  HAS_ORDER_1 = lowest == 1 ? 1 : 0;
+  HAS_RESIDUAL = lowest < 3 ? 1 : 0;
   is_neutral.values = findNeutral(scene);
   HAS_NEUTRAL = *std::max_element(is_neutral.values.begin(), is_neutral.values.end());
   for (int i = 0; i < S; ++i) {
@@ -295,6 +277,7 @@ void MotionProgram::setLists(const Scene& scene) {
   velocity_residual_row = rowsOf(formulas_.velocity_residual);
   entry_row = rowsOf(formulas_.entry);
   direction_row = rowsOf(formulas_.direction);
+  ENTRIES_TURN = areAccelerated(entry_row) || areAccelerated(direction_row) ? 1 : 0;
   listEntries(*scene.graph);
   listBlocks(scene);
   curvature_row = rowsOf(formulas_.curvature);

@@ -105,7 +105,9 @@ class MotionProgram : public MotionData {
   void setHolds(const expression::Graph& graph);
   void setMemory(const Scene& scene);
   std::vector<int> findNeutral(const Scene& scene) const;
-  int rowOf(expression::Node node) const;
+  /// True where one of these rows depends on an acceleration.
+  bool areAccelerated(const MotionList<int>& rows) const;
+  int rowOf(expression::Node node) const { return program_.rowOf(node); }
   /// Writes the functions of all rows, with the tables before them, or for a program that reads
   /// these and all numbers from vs_numbers.
   std::string writeRows(bool shares) const;

@@ -1,6 +1,5 @@
 // A MotionProgram as C.
 #include <set>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -31,12 +30,11 @@ std::string MotionProgram::writeExtents() const {
 }
 
 std::string MotionProgram::writeLists(bool shares) const {
-  std::string text = "enum {\n  VS_STRIDE = SCENE_STRIDE,\n  MOST_SHAFTS = " + std::to_string(S) +
-                     ",\n  MOST_CONSTRAINTS = " + std::to_string(K) +
-                     ",\n  MOST_HOLDS = " + std::to_string(HOLDS) +
-                     ",\n  MOST_INPUTS = " + std::to_string(INPUTS) +
-                     ",\n  MOST_EVENTS = " + std::to_string(EVENTS) +
-                     ",\n  MOST_SIZE = " + std::to_string(SIZE);
+  std::string text =
+      "enum {\n  VS_STRIDE = SCENE_STRIDE,\n  MOST_SHAFTS = SCENE_SHAFTS,\n"
+      "  MOST_CONSTRAINTS = SCENE_CONSTRAINTS + SCENE_HOLDS,\n  MOST_HOLDS = SCENE_HOLDS,\n"
+      "  MOST_INPUTS = SCENE_INPUTS,\n  MOST_EVENTS = SCENE_EVENTS,\n"
+      "  MOST_SIZE = MOST_SHAFTS + MOST_CONSTRAINTS";
 #define VARIATOR_SIM_WRITE(name) text += ",\n  " #name " = " + std::to_string(name);
   VARIATOR_SIM_MOTION_SIZES(VARIATOR_SIM_WRITE)
 #undef VARIATOR_SIM_WRITE
@@ -149,13 +147,11 @@ std::string MotionProgram::writeOrders(bool in_units) const {
   std::string text;
   for (int n = 1; n <= SCENE_ORDER; ++n) {
     const std::string order = std::to_string(n);
-    std::ostringstream own;
     each += " X(" + order + ")";
     here += " VS_ORDER_" + order + "(X)";
     // The last unit has all else to compile.
-    own << "#if UNITS == 1 || " << n << " % (UNITS - 1) == UNIT\n#define VS_ORDER_" << n << "(X) X("
-        << n << ")\n#else\n#define VS_ORDER_" << n << "(X)\n#endif\n";
-    text += own.str();
+    text += "#if UNITS == 1 || " + order + " % (UNITS - 1) == UNIT\n#define VS_ORDER_" + order +
+            "(X) X(" + order + ")\n#else\n#define VS_ORDER_" + order + "(X)\n#endif\n";
   }
   if (!in_units) return "#ifndef VS_SMALL\n" + each + "\n#endif\n";
   return each + "\n" + text + here +
