@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "motion/motion.h"
+#include "motion/stop_message.h"
 #include "variator_sim/errors.h"
 
 namespace variator_sim {
@@ -188,23 +189,79 @@ bool Beginning::isOnConstraints(const StateView& state) const {
 
 // --- explanations ----------------------------------------------------------------------------
 
-StateView Beginning::viewGiven() {
+std::string Beginning::listResiduals(const StateView& state) const {
+  std::string text;
+  for (const ConstraintPtr& constraint : scene_.constraints) {
+    if (constraint->order() > (misfit_.of_velocities ? 1 : 2)) continue;
+    double C[kMaxShafts];
+    text += (text.empty() ? " residual of '" : ", residual of '") + constraint->name() + "' = " +
+            formatNumber(misfit_.of_velocities ? constraint->calcResidual(state)
+                                               : constraint->calcResidualAndJacobian(state, C));
+  }
+  return text;
+}
+
+/// Returns the candidates that have the same reaction, or may have.
+std::string Beginning::listCandidates() const {
+  std::string text =
+      misfit_.kind == Misfit::Kind::kNotUnique
+          ? "more than one has the least reaction, and they lead to different motions: "
+          : "which one has the least reaction is not certain, the constraints have too many like "
+            "these: ";
+  for (int n = 0; n < search_->candidateCount(); ++n) {
+    const auto& candidate = search_->candidate(n);
+    text += (n > 0 ? ", " : "") + formatNumbers(candidate.epsilon, S) +
+            " with 1/2 R^T J^-1 R = " + formatNumber(candidate.reaction);
+  }
+  return text + "; give 'initial/acceleration'";
+}
+
+std::string Beginning::explainMisfit(bool is_start) {
+  if (misfit_.kind == Misfit::Kind::kNotUnique || misfit_.kind == Misfit::Kind::kDoubtful) {
+    return is_start ? listCandidates()
+                    : "which accelerations have the least reaction is not certain; give them";
+  }
   Sample unused;
   motion_.observation.look(0.0, &unused);  // what the laws read beside the state
-  return motion_.observation.view(misfit_.given, motion_.time);
+  const StateView state = motion_.observation.view(misfit_.given, motion_.time);
+  const bool of_velocities = misfit_.of_velocities;
+  const std::string level = of_velocities ? "velocities" : "accelerations";
+  const std::string values = formatNumbers(of_velocities ? state.velocity : state.acceleration, S);
+  const std::string residuals = listResiduals(state);
+  if (misfit_.kind == Misfit::Kind::kNotFound) {
+    const bool is_given = of_velocities || !scene_.initial.acceleration.empty();
+    const std::string near = !is_start ? "near " + values
+                             : is_given
+                                 ? "near those given"
+                                 : "from " + values + " rad/s^2; give 'initial/acceleration'";
+    return "no " + level + " that satisfy the constraints were found " + near +
+           (residuals.empty() ? "" : " (there:" + residuals + ")");
+  }
+  const bool by_principle = scene_.principle == Principle::kGauss && !of_velocities;
+  const std::string fault =
+      !is_start
+          ? "the " + level + " " + values + " do not satisfy the constraints or the principle:"
+          : values + (by_principle ? " is not what the principle 'gauss' gives:"
+                                   : " does not satisfy the constraints:");
+  return fault + residuals + (residuals.empty() ? "" : ";") + " consistent " + level +
+         " near them are " + formatNumbers(misfit_.nearest, S) +
+         (is_start ? " (write these, or set 'initial/project: true' to start there)"
+                   : " (set these, or have them projected)");
 }
 
 std::string Beginning::describeFault(scene_status status) {
   if (misfit_.kind == Misfit::Kind::kNone || misfit_.kind == Misfit::Kind::kModes) {
     return std::string("the motion cannot go on from there: ") + toString(reasonOf(status));
   }
-  return describeMisfit(scene_, misfit_, viewGiven());
+  return explainMisfit(/*is_start=*/false);
 }
 
 void Beginning::throwFault(scene_status status) {
   if (misfit_.kind == Misfit::Kind::kModes) throwMode();
-  if (misfit_.kind != Misfit::Kind::kNone)
-    throwInitialError(scene_, misfit_, viewGiven(), search_.get());
+  if (misfit_.kind != Misfit::Kind::kNone) {
+    throw SceneError(misfit_.of_velocities ? "initial/velocity" : "initial/acceleration",
+                     explainMisfit(/*is_start=*/true) + scene_.extreme_numbers);
+  }
   const StopReason reason = reasonOf(status);
   const std::string why = explainReason(reason);
   throw SceneError(

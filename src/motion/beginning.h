@@ -6,7 +6,6 @@
 
 #include "dynamics/least_reaction_search.h"
 #include "motion/stepped_program.h"
-#include "motion/stop_message.h"
 
 namespace variator_sim {
 
@@ -35,6 +34,24 @@ class Beginning {
   static bool agree(const double* given, const double* found, int count);
 
  private:
+  /// Why a motion cannot begin at given values, although the laws have finite values there.
+  struct Misfit {
+    enum class Kind {
+      kNone,
+      kInconsistent,  ///< they do not satisfy the constraints and may not be moved
+      kNotFound,      ///< no values that satisfy the constraints were found near by
+      kNotUnique,     ///< several accelerations have the same least reaction
+      kDoubtful,      ///< accelerations with a lesser reaction than those found may exist
+      kModes          ///< an element that holds would not be in the mode that the scene asks for
+    };
+    Kind kind = Kind::kNone;
+    bool of_velocities = false;         ///< and not of the accelerations
+    double given[3 * kMaxShafts] = {};  ///< angles, velocities, accelerations
+    double nearest[kMaxShafts] = {};    ///< consistent ones, of kInconsistent
+    int element = 0;                    ///< of kModes: that holds,
+    double torque = 0.0, slip = 0.0;    ///< the torque that it would hold, N m, and its slip, rad/s
+  };
+
   /// Begins as `how` says, and writes what that has led to.
   scene_status tryToBegin(Begin how, bool are_given, bool may_move, Exchange* left);
   /// Looks for the accelerations of a beginning, where psi is not linear in them, and begins with
@@ -49,8 +66,11 @@ class Beginning {
   scene_status explainFault(scene_status status);
   bool isOnConstraints(const StateView& state) const;
   [[noreturn]] void throwMode() const;
-  /// The state that was given.
-  StateView viewGiven();
+  /// Says what is wrong with values, of the scene's start or of a state of elsewhere.
+  std::string explainMisfit(bool is_start);
+  std::string listCandidates() const;
+  /// Returns "residual of 'variator' = 0.1, ..", of each constraint that a start has to satisfy.
+  std::string listResiduals(const StateView& state) const;
 
   Motion& motion_;
   const Scene& scene_;

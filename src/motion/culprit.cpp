@@ -19,15 +19,6 @@
 namespace variator_sim {
 namespace {
 
-std::size_t at(int n) {
-  return static_cast<std::size_t>(n);
-}
-
-const std::string& nameOf(const Scene& scene, Element element) {
-  return element.torque >= 0 ? scene.torques[at(element.torque)]->name()
-                             : scene.constraints[at(element.constraint)]->name();
-}
-
 /// Reads the scene, and its numbers, with the defaults that were taken, into `numbers`. Nothing if
 /// an element is another package's, or a number is not allowed.
 std::optional<Scene> read(const ParameterTree& tree, std::map<std::string, double>* numbers) {
@@ -49,30 +40,38 @@ expression::Names nameVariables(const Scene& scene) {
   expression::Names names;
   names.variables[slotOf(Source::kTime)] = {"t", ""};
   for (int i = 0; i < scene.shaftCount(); ++i) {
-    const std::string& shaft = scene.shafts[at(i)];
+    const std::string& shaft = scene.shafts[static_cast<std::size_t>(i)];
     names.variables[slotOf(Source::kAngle, i)] = {"phi_" + shaft, ""};
     names.variables[slotOf(Source::kVelocity, i)] = {"w_" + shaft, ""};
     names.variables[slotOf(Source::kAcceleration, i)] = {"e_" + shaft, ""};
   }
   for (int i = 0; i < scene.inputCount(); ++i) {
-    names.variables[slotOf(Source::kInput, i)] = {scene.inputs[at(i)].name, ""};
+    names.variables[slotOf(Source::kInput, i)] = {scene.inputs[static_cast<std::size_t>(i)].name,
+                                                  ""};
   }
   return names;
 }
 
 /// Returns the formulas of an element in the order in which the motion uses them.
-std::vector<expression::Node> formulasOf(const Scene& scene, Element element) {
+std::vector<expression::Node> formulasOf(const Law& element) {
   std::vector<expression::Node> nodes;
-  if (element.torque >= 0) {
-    const Torque& law = *scene.torques[at(element.torque)];
-    for (const auto& [shaft, node] : law.torques()) nodes.push_back(node);
-    for (const auto& [shaft, node] : law.rates()) nodes.push_back(node);
+  if (const auto* const torque = dynamic_cast<const Torque*>(&element)) {
+    for (const auto& [shaft, node] : torque->torques()) nodes.push_back(node);
+    for (const auto& [shaft, node] : torque->rates()) nodes.push_back(node);
   } else {
-    const Constraint& law = *scene.constraints[at(element.constraint)];
+    const auto& law = dynamic_cast<const Constraint&>(element);
     if (law.order() < 3) nodes.push_back(law.function());  // no state has jerks
     nodes.insert(nodes.end(), law.row().begin(), law.row().end());
   }
   return nodes;
+}
+
+/// Returns the first element of which `is_meant` is true, or null.
+template <class IsMeant>
+const Law* findElement(const Scene& scene, const IsMeant& is_meant) {
+  const std::vector<const Law*> laws = scene.laws();
+  const auto found = std::find_if(laws.begin(), laws.end(), is_meant);
+  return found == laws.end() ? nullptr : *found;
 }
 
 /// A state near another one, to be changed.
@@ -91,11 +90,12 @@ struct Beside {
   StateView view;
 };
 
-/// Returns the size of the output of an element of `scene` at `state`.
-double calcSize(const Scene& scene, Element element, const StateView& state, int S) {
-  if (element.torque < 0) return scene.constraints[at(element.constraint)]->calcResidual(state);
+/// Returns the size of the output of an element at `state`.
+double calcSize(const Law& element, const StateView& state, int S) {
+  const auto* const law = dynamic_cast<const Torque*>(&element);
+  if (law == nullptr) return dynamic_cast<const Constraint&>(element).calcResidual(state);
   double torque[kMaxShafts] = {};
-  scene.torques[at(element.torque)]->addTorque(state, torque);
+  law->addTorque(state, torque);
   double sum = 0.0;
   for (int i = 0; i < S; ++i) sum += torque[i];
   return sum != 0.0 ? sum : torque[0] - torque[S - 1];
@@ -103,9 +103,9 @@ double calcSize(const Scene& scene, Element element, const StateView& state, int
 
 }  // namespace
 
-std::string describe(const Scene& scene, Element element) {
-  if (!element.exists()) return "";
-  return (element.torque >= 0 ? "torque " : "constraint ") + inQuotes(nameOf(scene, element));
+std::string describe(const Law& element) {
+  const bool is_torque = dynamic_cast<const Torque*>(&element) != nullptr;
+  return (is_torque ? "torque " : "constraint ") + inQuotes(element.name());
 }
 
 double toOneDigit(double value, bool is_up) {
@@ -133,24 +133,22 @@ struct Culprits::Shafts {
 };
 
 template <class Rate>
-Element Culprits::findLargest(const Rate& rate, double least) const {
-  Element found;
-  const auto consider = [&](Element element) {
-    const double its = rate(element);
-    if (!(its > least)) return;
+const Law* Culprits::findLargest(const Rate& rate, double least) const {
+  const Law* found = nullptr;
+  for (const Law* const element : scene_.laws()) {
+    const double its = rate(*element);
+    if (!(its > least)) continue;
     least = its;
     found = element;
-  };
-  for (std::size_t j = 0; j < scene_.torques.size(); ++j) consider({static_cast<int>(j), -1});
-  for (int m = 0; m < scene_.constraintCount(); ++m) consider({-1, m});
+  }
   return found;
 }
 
-Element Culprits::findSteepest() const {
-  return findLargest([&](Element element) { return calcRounding(scene_, element, state_); }, 0.0);
+const Law* Culprits::findSteepest() const {
+  return findLargest([&](const Law& element) { return calcRounding(element, state_); }, 0.0);
 }
 
-Element Culprits::findFastest(double least) const {
+const Law* Culprits::findFastest(double least) const {
   constexpr double kLittle = 1e-6;  // rad, rad/s
   Beside turned(state_, S);
   Beside faster(state_, S);
@@ -161,27 +159,28 @@ Element Culprits::findFastest(double least) const {
     size[i] = state_.acceleration[i];
   }
   // 1/s: d(omega')/d(omega), the root of d(omega')/d(phi), and the law's explicit rate.
-  const auto rate = [&](Element element) {
-    const double by_velocity = calcAnswer(scene_, element, state_, faster.view).largest();
-    const double by_angle = calcAnswer(scene_, element, state_, turned.view).largest();
+  const auto rate = [&](const Law& element) {
+    const double by_velocity = calcAnswer(element, state_, faster.view).largest();
+    const double by_angle = calcAnswer(element, state_, turned.view).largest();
     const double most = std::max(by_velocity / kLittle, std::sqrt(by_angle / kLittle));
-    if (!(size.largest() > 0.0) || element.torque < 0) return most;
+    const auto* const torque = dynamic_cast<const Torque*>(&element);
+    if (!(size.largest() > 0.0) || torque == nullptr) return most;
     Shafts torque_rate;
     Shafts by_itself;
-    scene_.torques[at(element.torque)]->addTorqueRate(state_, torque_rate.values);
+    torque->addTorqueRate(state_, torque_rate.values);
     inertia_.solve(torque_rate.values, by_itself.values);
     return std::max(most, by_itself.largest() / size.largest());
   };
   return findLargest(rate, least);
 }
 
-double Culprits::calcUnattainable(const Scene& scene, Element element) const {
+double Culprits::calcUnattainable(const Law& element) const {
   constexpr double kFar = 0.015;  // of the speed, or rad/s
-  double most = calcRounding(scene, element, state_);
+  double most = calcRounding(element, state_);
   const auto try_speed = [&](int i, double speed) {
     Beside around(state_, S);
     around.velocity[i] = speed;
-    most = std::max(most, calcRounding(scene, element, around.view));
+    most = std::max(most, calcRounding(element, around.view));
   };
   for (int i = 0; i < S; ++i) {
     const double speed = state_.velocity[i];
@@ -199,20 +198,20 @@ double Culprits::calcUnattainable(const Scene& scene, Element element) const {
 }
 
 /// Returns the change of the accelerations by `element` for a change of the state, rad/s^2.
-Culprits::Shafts Culprits::calcAnswer(const Scene& scene, Element element, const StateView& here,
+Culprits::Shafts Culprits::calcAnswer(const Law& element, const StateView& here,
                                       const StateView& beside) const {
   Shafts answer;
-  if (element.torque >= 0) {
+  if (const auto* const torque = dynamic_cast<const Torque*>(&element)) {
     Shafts before;
     Shafts change;
-    scene.torques[at(element.torque)]->addTorque(here, before.values);
-    scene.torques[at(element.torque)]->addTorque(beside, change.values);
+    torque->addTorque(here, before.values);
+    torque->addTorque(beside, change.values);
     for (int i = 0; i < S; ++i) change[i] -= before[i];
     inertia_.solve(change.values, answer.values);
     return answer;
   }
   // J epsilon changes by C^T l, so that C epsilon makes up for the change of psi.
-  const Constraint& constraint = *scene.constraints[at(element.constraint)];
+  const auto& constraint = dynamic_cast<const Constraint&>(element);
   double C[kMaxShafts];
   const auto calcResidual = [&](const StateView& state) {
     if (constraint.order() < 3) return constraint.calcResidualAndJacobian(state, C);
@@ -230,7 +229,7 @@ Culprits::Shafts Culprits::calcAnswer(const Scene& scene, Element element, const
 }
 
 /// Returns the accelerations that four roundings of the state make, in tolerances.
-double Culprits::calcRounding(const Scene& scene, Element element, const StateView& here) const {
+double Culprits::calcRounding(const Law& element, const StateView& here) const {
   // Uses a multiple of four roundings, of different sign and size: see StepChecks::round.
   constexpr double kTimes = 64.0;
   constexpr double kFour = 4.0 * std::numeric_limits<double>::epsilon();
@@ -241,7 +240,7 @@ double Culprits::calcRounding(const Scene& scene, Element element, const StateVi
       values[i] += (i % 2 == 0 ? by : -by) * std::max(1e-6, std::abs(values[i]));
     }
   }
-  Shafts answer = calcAnswer(scene, element, here, beside.view);
+  Shafts answer = calcAnswer(element, here, beside.view);
   const SolverSettings& solver = scene_.solver;
   for (int i = 0; i < S; ++i) {
     // A motion passes through small accelerations.
@@ -251,38 +250,41 @@ double Culprits::calcRounding(const Scene& scene, Element element, const StateVi
   return answer.largest();
 }
 
-/// Returns the relative change of an element of the changed scene at another state.
-double Culprits::calcChange(const Scene& changed, Element element) const {
+/// Returns the relative change of an element, which has become `changed`, at another state.
+double Culprits::calcChange(const Law& changed, const Law& element) const {
   double change = 0.0;
   double size = 0.0;
   for (int i = 0; i < S; ++i) {
     Beside elsewhere(state_, S);
     elsewhere.velocity[i] += std::max(1.0, 0.1 * std::abs(state_.velocity[i]));
-    const double before = calcSize(scene_, element, elsewhere.view, S);
+    const double before = calcSize(element, elsewhere.view, S);
     size += std::abs(before);
-    change += std::abs(calcSize(changed, element, elsewhere.view, S) - before);
+    change += std::abs(calcSize(changed, elsewhere.view, S) - before);
   }
   return change / size;
 }
 
-std::string Culprits::findRemedy(Element element, double factor) const {
+std::string Culprits::findRemedy(const Law& element, double factor) const {
   std::map<std::string, double> numbers;
   ParameterTree tree = scene_.resolved;
   if (tree.kind() != ParameterTree::Kind::kDictionary) return "";
   setValue(tree, "verify_derivatives", ParameterTree::boolean(false));
   if (!read(tree, &numbers)) return "";
-  const double most = calcUnattainable(scene_, element);
+  const double most = calcUnattainable(element);
   double least = std::numeric_limits<double>::infinity();
   std::string best;
   for (const auto& [path, now] : numbers) {
-    const bool is_its = path.rfind(nameOf(scene_, element) + "/", 0) == 0;
+    const bool is_its = path.rfind(element.name() + "/", 0) == 0;
     if (!is_its || path.find('[') != std::string::npos || now == 0.0) continue;
     for (const double then : {toOneDigit(now * factor, true), toOneDigit(now / factor, false)}) {
       ParameterTree other = tree;
       setValue(other, path, ParameterTree::real(then));
-      const std::optional<Scene> changed = read(other, nullptr);
-      if (!changed || !(factor * calcUnattainable(*changed, element) <= 2.0 * most)) continue;
-      const double change = calcChange(*changed, element);
+      const std::optional<Scene> scene = read(other, nullptr);
+      if (!scene) continue;
+      const Law& changed =
+          *findElement(*scene, [&](const Law* it) { return it->name() == element.name(); });
+      if (!(factor * calcUnattainable(changed) <= 2.0 * most)) continue;
+      const double change = calcChange(changed, element);
       if (!(change < least)) continue;
       least = change;
       best = assign(path, then) + " (it is " + formatNumber(now) + ")";
@@ -291,19 +293,14 @@ std::string Culprits::findRemedy(Element element, double factor) const {
   return best;
 }
 
-Element findOwner(const Scene& scene, expression::Node argument) {
-  const auto owns = [&](Element element) {
+const Law* findOwner(const Scene& scene, expression::Node argument) {
+  return findElement(scene, [&](const Law* element) {
     const std::vector<expression::Branch> branches =
-        expression::findBranches(*scene.graph, formulasOf(scene, element));
+        expression::findBranches(*scene.graph, formulasOf(*element));
     return std::any_of(branches.begin(), branches.end(), [&](const expression::Branch& it) {
       return it.argument.index == argument.index;
     });
-  };
-  for (int j = 0; j < static_cast<int>(scene.torques.size()); ++j)
-    if (owns({j, -1})) return {j, -1};
-  for (int m = 0; m < scene.constraintCount(); ++m)
-    if (owns({-1, m})) return {-1, m};
-  return {};
+  });
 }
 
 bool findNonFinite(const Scene& scene, StateView state, int* torque, int* constraint) {
@@ -340,12 +337,12 @@ bool findNonFinite(const Scene& scene, StateView state, int* torque, int* constr
   return findTorque(&Torque::addTorqueRate);
 }
 
-std::string findNonFinitePart(const Scene& scene, Element element, const StateView& state) {
+std::string findNonFinitePart(const Scene& scene, const Law& element, const StateView& state) {
   constexpr std::size_t kMost = 500;
   const int S = scene.shaftCount();
   const expression::Graph& graph = *scene.graph;
   std::vector<expression::Node> parts;
-  for (const expression::Node formula : formulasOf(scene, element)) {
+  for (const expression::Node formula : formulasOf(element)) {
     for (const int n : graph.listReachable({formula})) parts.push_back({n});
     if (parts.size() > kMost) return "";
   }
@@ -375,12 +372,12 @@ std::string findNonFinitePart(const Scene& scene, Element element, const StateVi
   return "";
 }
 
-std::string describeThrown(const Scene& scene, Element element) {
-  for (const int n : scene.graph->listReachable(formulasOf(scene, element))) {
-    const expression::Graph::Entry& entry = scene.graph->entry({n});
+std::string describeThrown(const Law& element) {
+  const expression::Graph& graph = element.graph();
+  for (const int n : graph.listReachable(formulasOf(element))) {
+    const expression::Graph::Entry& entry = graph.entry({n});
     if (entry.operation != expression::Operation::kOpaque) continue;
-    const auto* const function =
-        dynamic_cast<const GuardedFunction*>(scene.graph->opaqueOf(entry).get());
+    const auto* const function = dynamic_cast<const GuardedFunction*>(graph.opaqueOf(entry).get());
     if (function == nullptr) continue;
     std::string thrown = function->thrown();
     if (!thrown.empty()) return thrown;
@@ -388,14 +385,8 @@ std::string describeThrown(const Scene& scene, Element element) {
   return "";
 }
 
-Element findThrower(const Scene& scene) {
-  for (int m = 0; m < static_cast<int>(scene.torques.size()); ++m) {
-    if (!describeThrown(scene, {m, -1}).empty()) return {m, -1};
-  }
-  for (int m = 0; m < scene.constraintCount(); ++m) {
-    if (!describeThrown(scene, {-1, m}).empty()) return {-1, m};
-  }
-  return {};
+const Law* findThrower(const Scene& scene) {
+  return findElement(scene, [](const Law* it) { return !describeThrown(*it).empty(); });
 }
 
 }  // namespace variator_sim

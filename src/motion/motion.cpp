@@ -208,10 +208,6 @@ void Motion::stop(scene_status why) {
   status.measure = it.rounding;
 }
 
-std::string Motion::describeStop(Element* culprit) {
-  return status.ok() ? "" : stops.describe(culprit);
-}
-
 // --- commands --------------------------------------------------------------------------------
 
 void Motion::settle() {

@@ -94,8 +94,6 @@ struct Motion {
   /// Stops at `at`, s, or at the end of the last step, where it finds out why.
   void stop(StopReason reason, double at);
   void stop(scene_status why);
-  /// Writes the element that the description names to `culprit`, unless that is null.
-  std::string describeStop(Element* culprit);
   /// Uses the machine code of `other`, if it has some that fits. False if it does not.
   bool useCodeOf(const Motion& other);
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "motion/motion.h"
+#include "motion/stop_message.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/interruption.h"
 
@@ -173,7 +174,7 @@ const Statistics& Simulation::statistics() const {
   return motion_->statistics;
 }
 std::string Simulation::describeStatus() const {
-  return motion_->describeStop(nullptr);
+  return describeStop(*motion_, nullptr);
 }
 const char* Simulation::stepperName() const {
   return motion_->program.stepperName();

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "motion/culprit.h"
+#include "motion/motion.h"
 #include "variator_sim/errors.h"
 
 namespace variator_sim {
@@ -15,6 +16,9 @@ namespace {
 
 /// Rate that no motion of a machine exceeds, 1/s.
 constexpr double kEverFaster = 1e6;
+/// The shortest step reaches no further than this multiple of the distance at which a search ahead
+/// begins.
+constexpr double kReach = 1e5;
 
 /// Returns a way to smooth a law with modes by `function`.
 std::string smoothLawFor(const std::string& function) {
@@ -34,37 +38,104 @@ std::string smoothLawFor(const std::string& function) {
   return "a smooth law helps (" + law + ")";
 }
 
+/// Returns the element that a status names, or null.
+const Law* elementOf(const Scene& scene, const MotionStatus& status) {
+  if (status.torque >= 0) return scene.torques[static_cast<std::size_t>(status.torque)].get();
+  if (status.constraint < 0) return nullptr;
+  return scene.constraints[static_cast<std::size_t>(status.constraint)].get();
+}
+
 class StopMessage {
  public:
-  StopMessage(const Scene& scene, const MotionStatus& status, const StateView& state,
-              const Inertia& inertia, std::string function)
-      : scene_(scene),
-        status_(status),
-        state_(state),
-        function_(std::move(function)),
-        culprits_(scene_, inertia, state_),
-        culprit_{status_.torque, status_.constraint} {}
+  explicit StopMessage(Motion& motion)
+      : motion_(motion),
+        scene_(motion.scene),
+        program_(motion.program),
+        status_(motion.status),
+        blamed_(elementOf(scene_, status_)),
+        function_(findFunction()),
+        state_(motion.view()),
+        inertia_(scene_.inertia, scene_.inertia_harmonics),
+        culprits_(scene_, inertia_, state_),
+        culprit_(blamed_) {
+    inertia_.update(state_.angle);
+  }
 
   std::string write();
-  /// The element that the text names.
-  Element culprit() const { return named_; }
+  /// The element that the text names, or null.
+  const Law* culprit() const { return named_; }
 
  private:
+  /// Finds the branch at which the motion has stopped, and its element. Returns its function, as
+  /// formulas write it, or "".
+  std::string findFunction();
+  /// Does so for a law that changes its branch within the shortest step of the front, on either
+  /// side.
+  std::string findBranch();
+
   std::string explain();
   std::string explainUnderflow();
   std::string explainLostTolerance();
   std::string explainStepLimit();
+  std::string describeCulprit();
   std::string describeRunaway() const;
-  std::string describeRow() const;
+  std::string describeHugeCommands() const;
+  std::string describeLastEvent() const;
+  std::string describeRigid() const;
+  std::string describePast() const;
 
+  Motion& motion_;
   const Scene& scene_;
+  SteppedProgram& program_;
   const MotionStatus& status_;
+  const Law* blamed_;  ///< by the status, or whose branch it is
+  const std::string function_;
   const StateView state_;
-  const std::string function_;  // of the guard, as formulas write it
+  Inertia inertia_;
   const Culprits culprits_;
-  Element culprit_;  // from the status, or found
-  Element named_;    // in the text
+  const Law* culprit_;          ///< the one blamed, or found
+  const Law* named_ = nullptr;  ///< in the text
 };
+
+std::string StopMessage::findFunction() {
+  if (status_.reason == StopReason::kStepUnderflow) return findBranch();
+  const int passed = program_.it.passed;
+  if (status_.reason != StopReason::kChattering || passed < 0 ||
+      passed >= program_.text().FIRST_EVENT)
+    return "";
+  const expression::Branch& branch = program_.text().branches()[static_cast<std::size_t>(passed)];
+  blamed_ = findOwner(scene_, branch.argument);
+  return branch.function;
+}
+
+std::string StopMessage::findBranch() {
+  blamed_ = nullptr;
+  const std::vector<expression::Branch>& branches = program_.text().branches();
+  std::vector<expression::Node> arguments;
+  arguments.reserve(branches.size());
+  for (const expression::Branch& it : branches) arguments.push_back(it.argument);
+  const expression::Tape tape(*scene_.graph, arguments);
+  motion_.stops.lookAtFront();
+  const double reach = kReach * motion_.stops.leastDistance();
+  // A motion that runs away in a finite time never has the state so far ahead.
+  if (status_.measure * reach > 1.0) return "";
+  std::vector<int> signs[3];
+  for (int side = -1; side <= 1; ++side) {
+    double values[3 * kMaxShafts];
+    motion_.stops.goAhead(side * reach, values);
+    const double* const arguments_there =
+        tape.evaluate(motion_.observation.view(values, program_.front() + side * reach));
+    for (std::size_t n = 0; n < branches.size(); ++n) {
+      signs[side + 1].push_back((arguments_there[n] > 0.0) - (arguments_there[n] < 0.0));
+    }
+  }
+  for (std::size_t n = 0; n < branches.size(); ++n) {
+    if (signs[0][n] == signs[1][n] && signs[1][n] == signs[2][n]) continue;
+    blamed_ = findOwner(scene_, branches[n].argument);
+    if (blamed_ != nullptr) return branches[n].function;
+  }
+  return "";
+}
 
 std::string StopMessage::explain() {
   switch (status_.reason) {
@@ -103,19 +174,19 @@ std::string StopMessage::explainUnderflow() {
 std::string StopMessage::explainLostTolerance() {
   // Stays well below the bound of 50 (step_checks.h): for the current measure, and for the largest
   // one where the law is steepest.
-  const Element steepest = culprits_.findSteepest();
-  const double most = steepest.exists() ? culprits_.calcUnattainable(scene_, steepest) : 0.0;
+  const Law* const steepest = culprits_.findSteepest();
+  const double most = steepest != nullptr ? culprits_.calcUnattainable(*steepest) : 0.0;
   // (Where refusals tell, the measure is not known: a digit less.)
   const double factor = std::max(status_.measure > 0.0 ? status_.measure / 5.0 : 10.0, most / 25.0);
   std::ostringstream text;
   text << "the accelerations follow so steeply from the state that rounding alone moves them by "
           "more than the tolerance";
-  if (steepest.exists()) {
-    text << ", most by " << describe(scene_, steepest);
-    const std::string remedy = culprits_.findRemedy(steepest, factor);
+  if (steepest != nullptr) {
+    text << ", most by " << describe(*steepest);
+    const std::string remedy = culprits_.findRemedy(*steepest, factor);
     if (!remedy.empty()) text << ": " << remedy << " would not";
   }
-  culprit_ = {};  // already in the text
+  culprit_ = nullptr;  // already in the text
   named_ = steepest;
   const SolverSettings& solver = scene_.solver;
   const double relative = std::min(0.1, toOneDigit(factor * solver.relative_tolerance, true));
@@ -145,9 +216,8 @@ std::string StopMessage::explainStepLimit() {
   } else if (status_.measure > 0.0) {
     text += "; at the pace of these no number of steps would do";
   }
-  const Element fastest = culprits_.findFastest(0.0);
-  named_ = fastest;
-  return fastest.exists() ? text + "; fastest changes " + describe(scene_, fastest) : text;
+  named_ = culprits_.findFastest(0.0);
+  return named_ != nullptr ? text + "; fastest changes " + describe(*named_) : text;
 }
 
 /// Returns the driver of shafts that underflowed at speeds which no machine has.
@@ -174,34 +244,78 @@ std::string StopMessage::describeRunaway() const {
          "': is its sign right? (positive accelerates, a load is negative)";
 }
 
-std::string StopMessage::describeRow() const {
-  double C[kMaxShafts] = {};
-  double c0;
-  scene_.constraints[static_cast<std::size_t>(status_.constraint)]->calcRow(state_, C, &c0);
-  return ", its C = " + formatNumbers(C, scene_.shaftCount());
+/// Returns the element to blame, what its function threw or its part that is not finite, and its C.
+std::string StopMessage::describeCulprit() {
+  std::string text;
+  const bool is_bad = status_.reason == StopReason::kNonFiniteValue;
+  const bool lacks_value = is_bad || status_.reason == StopReason::kStepUnderflow;
+  if (lacks_value && culprit_ == nullptr) culprit_ = findThrower(scene_);
+  if (culprit_ != nullptr) {
+    named_ = culprit_;
+    text = "; " + describe(*culprit_);
+    const std::string thrown = lacks_value ? describeThrown(*culprit_) : "";
+    const std::string part =
+        is_bad && thrown.empty() ? findNonFinitePart(scene_, *culprit_, state_) : "";
+    if (!thrown.empty()) text += ", whose function threw: " + thrown;
+    if (!part.empty()) text += ", its " + part;
+  }
+  if (const auto* const constraint = dynamic_cast<const Constraint*>(blamed_)) {
+    double C[kMaxShafts] = {};
+    double c0;
+    constraint->calcRow(state_, C, &c0);
+    text += ", its C = " + formatNumbers(C, scene_.shaftCount());
+  }
+  return text;
+}
+
+/// Returns the commands that no machine has, of ordinary inputs.
+std::string StopMessage::describeHugeCommands() const {
+  constexpr double kNoMachine = 1e12;  // in any SI unit
+  std::string text;
+  for (int i = 0; i < scene_.inputCount(); ++i) {
+    const CommandInputSettings& input = scene_.inputs[static_cast<std::size_t>(i)];
+    const double command = motion_.inputs.signal(i).target();
+    if (input.kind != InputKind::kCommanded || std::abs(command) < kNoMachine) continue;
+    text += "; the command " + formatNumber(command) + " on " + inQuotes(input.topic) +
+            " is out of all proportion: 'min' and 'max' of the input bound what is taken";
+  }
+  return text;
+}
+
+std::string StopMessage::describeLastEvent() const {
+  const int event = program_.it.passed - program_.text().FIRST_EVENT;
+  if (status_.reason != StopReason::kChattering || event < 0 || event >= program_.text().EVENTS)
+    return "";
+  return "; the event " + inQuotes(scene_.events[static_cast<std::size_t>(event)].name) +
+         " came last: what it sets must not set it off again at once";
+}
+
+std::string StopMessage::describeRigid() const {
+  if (status_.reason != StopReason::kNoModes) return "";
+  const MotionProgram& text = program_.text();
+  std::string rigid;
+  for (std::size_t h = 0; h < text.holdNames().size(); ++h) {
+    const bool is_rigid = text.closes_below.values[h] > 0.0 || text.has_gap.values[h] != 0 ||
+                          text.slides_backward.values[h] == 0;
+    if (is_rigid) rigid += (rigid.empty() ? "; rigid are " : ", ") + inQuotes(text.holdNames()[h]);
+  }
+  return rigid;
+}
+
+std::string StopMessage::describePast() const {
+  const int full = program_.past().findFull();
+  if (full < 0) return "";
+  const auto input =
+      static_cast<std::size_t>(program_.text().delay_input.values[static_cast<std::size_t>(full)]);
+  return "; the past of " + inQuotes(scene_.inputs[input].name) + " has " +
+         std::to_string(MotionPast::kMostPieces) +
+         " steps, which is all that is kept: a shorter delay, or larger tolerances, have fewer";
 }
 
 std::string StopMessage::write() {
   std::ostringstream text;
   text << toString(status_.reason) << " at t = " << formatNumber(status_.time)
-       << " s: " << explain();
-  const int S = scene_.shaftCount();
-  const bool lacks_value =
-      status_.reason == StopReason::kNonFiniteValue || status_.reason == StopReason::kStepUnderflow;
-  if (lacks_value && !culprit_.exists()) culprit_ = findThrower(scene_);
-  if (culprit_.exists()) {
-    text << "; " << describe(scene_, culprit_);
-    named_ = culprit_;
-  }
-  if (lacks_value && culprit_.exists()) {
-    const std::string thrown = describeThrown(scene_, culprit_);
-    const bool is_bad = status_.reason == StopReason::kNonFiniteValue;
-    const std::string part =
-        is_bad && thrown.empty() ? findNonFinitePart(scene_, culprit_, state_) : "";
-    if (!thrown.empty()) text << ", whose function threw: " << thrown;
-    if (!part.empty()) text << ", its " << part;
-  }
-  if (status_.constraint >= 0) text << describeRow();
+       << " s: " << explain() << describeCulprit();
   if (status_.reason == StopReason::kSingularConstraint && status_.constraint >= 0) {
     text << " (" << status_.measure << " of its scale)";
   }
@@ -209,63 +323,16 @@ std::string StopMessage::write() {
     text << " (the error is " << status_.measure << " of it, 'solver/step' "
          << formatNumber(scene_.solver.step) << " s)";
   }
-  text << "; last good state: angle = " << formatNumbers(state_.angle, S)
+  // (The node cuts long messages, such as those with the states of many shafts.)
+  const int S = scene_.shaftCount();
+  text << describeHugeCommands() << "; last good state: angle = " << formatNumbers(state_.angle, S)
        << " rad, velocity = " << formatNumbers(state_.velocity, S)
        << " rad/s, acceleration = " << formatNumbers(state_.acceleration, S) << " rad/s^2"
        << scene_.extreme_numbers;
+  if (status_.reason == StopReason::kProjectionFailed && motion_.stops.doSolutionsMeet())
+    text << "; two solutions for the accelerations meet here, and none goes on behind";
+  text << describeLastEvent() << describeRigid() << describePast();
   return text.str();
-}
-
-/// Returns " residual of 'variator' = 0.1, ..", of each constraint that a start has to satisfy.
-std::string listResiduals(const Scene& scene, const Misfit& misfit, const StateView& state) {
-  std::string text;
-  for (const ConstraintPtr& constraint : scene.constraints) {
-    if (constraint->order() > (misfit.of_velocities ? 1 : 2)) continue;
-    double C[kMaxShafts];
-    text += (text.empty() ? " residual of '" : ", residual of '") + constraint->name() + "' = " +
-            formatNumber(misfit.of_velocities ? constraint->calcResidual(state)
-                                              : constraint->calcResidualAndJacobian(state, C));
-  }
-  return text;
-}
-
-std::string levelOf(const Misfit& misfit) {
-  return misfit.of_velocities ? "velocities" : "accelerations";
-}
-
-bool isUncertain(const Misfit& misfit) {
-  return misfit.kind == Misfit::Kind::kNotUnique || misfit.kind == Misfit::Kind::kDoubtful;
-}
-
-/// Says that no consistent values were found at `near`, the place of the search.
-std::string tellNotFound(const Misfit& misfit, const std::string& near,
-                         const std::string& residuals) {
-  return "no " + levelOf(misfit) + " that satisfy the constraints were found " + near +
-         (residuals.empty() ? "" : " (there:" + residuals + ")");
-}
-
-/// Returns the residuals, and the values that Newton's projection finds, with `remedy`, their use.
-std::string tellNear(const Scene& scene, const Misfit& misfit, const std::string& residuals,
-                     const std::string& remedy) {
-  return residuals + (residuals.empty() ? "" : ";") + " consistent " + levelOf(misfit) +
-         " near them are " + formatNumbers(misfit.nearest, scene.shaftCount()) + " (" + remedy +
-         ")";
-}
-
-/// Returns the candidates that have the same reaction, or may have.
-std::string listCandidates(const Scene& scene, const Misfit& misfit,
-                           const LeastReactionSearch& search) {
-  std::string text =
-      misfit.kind == Misfit::Kind::kNotUnique
-          ? "more than one has the least reaction, and they lead to different motions: "
-          : "which one has the least reaction is not certain, the constraints have too many like "
-            "these: ";
-  for (int n = 0; n < search.candidateCount(); ++n) {
-    const auto& candidate = search.candidate(n);
-    text += (n > 0 ? ", " : "") + formatNumbers(candidate.epsilon, scene.shaftCount()) +
-            " with 1/2 R^T J^-1 R = " + formatNumber(candidate.reaction);
-  }
-  return text + "; give 'initial/acceleration'";
 }
 
 }  // namespace
@@ -297,53 +364,12 @@ const char* explainReason(StopReason reason) {
   }
 }
 
-std::string describeStop(const Scene& scene, const MotionStatus& status, const StateView& state,
-                         const Inertia& inertia, const std::string& function, Element* culprit) {
-  StopMessage message(scene, status, state, inertia, function);
+std::string describeStop(Motion& motion, const Law** culprit) {
+  if (motion.status.ok()) return "";
+  StopMessage message(motion);
   std::string text = message.write();
   if (culprit != nullptr) *culprit = message.culprit();
   return text;
-}
-
-std::string describeMisfit(const Scene& scene, const Misfit& misfit, const StateView& state) {
-  if (isUncertain(misfit)) {
-    return "which accelerations have the least reaction is not certain; give them";
-  }
-  const std::string values =
-      formatNumbers(misfit.of_velocities ? state.velocity : state.acceleration, scene.shaftCount());
-  const std::string residuals = listResiduals(scene, misfit, state);
-  if (misfit.kind == Misfit::Kind::kNotFound) {
-    return tellNotFound(misfit, "near " + values, residuals);
-  }
-  return "the " + levelOf(misfit) + " " + values +
-         " do not satisfy the constraints or the principle:" +
-         tellNear(scene, misfit, residuals, "set these, or have them projected");
-}
-
-void throwInitialError(const Scene& scene, const Misfit& misfit, const StateView& state,
-                       const LeastReactionSearch* search) {
-  const bool of_velocities = misfit.of_velocities;
-  const std::string residuals = listResiduals(scene, misfit, state);
-  std::string text;
-  if (isUncertain(misfit)) {
-    text = listCandidates(scene, misfit, *search);
-  } else if (misfit.kind == Misfit::Kind::kNotFound) {
-    const bool is_given = of_velocities || !scene.initial.acceleration.empty();
-    const std::string values = formatNumbers(state.acceleration, scene.shaftCount());
-    text = tellNotFound(
-        misfit,
-        is_given ? "near those given" : "from " + values + " rad/s^2; give 'initial/acceleration'",
-        residuals);
-  } else {
-    const bool by_principle = scene.principle == Principle::kGauss && !of_velocities;
-    text = formatNumbers(of_velocities ? state.velocity : state.acceleration, scene.shaftCount()) +
-           (by_principle ? " is not what the principle 'gauss' gives:"
-                         : " does not satisfy the constraints:") +
-           tellNear(scene, misfit, residuals,
-                    "write these, or set 'initial/project: true' to start there");
-  }
-  throw SceneError(of_velocities ? "initial/velocity" : "initial/acceleration",
-                   text + scene.extreme_numbers);
 }
 
 }  // namespace variator_sim

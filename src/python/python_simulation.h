@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
-#include "motion/culprit.h"
 #include "motion/motion.h"
+#include "motion/stop_message.h"
 #include "python/sample_layout.h"
 #include "python/sweep.h"
 #include "python/trees.h"
@@ -356,15 +356,16 @@ class PythonSimulation {
   py::object stopped() {
     Simulation& simulation = simulation_;
     const MotionStatus& status = simulation.status();
-    Element culprit{status.torque, status.constraint};
-    const std::string message = Motion::of(simulation).describeStop(&culprit);
-    const auto name = [](const auto& parts, int index) -> py::object {
-      if (index < 0) return py::none();
-      return py::str(parts[static_cast<std::size_t>(index)]->name());
+    const Law* culprit = nullptr;
+    const std::string message = describeStop(Motion::of(simulation), &culprit);
+    const auto nameIf = [culprit](bool is_meant) -> py::object {
+      if (culprit == nullptr || !is_meant) return py::none();
+      return py::str(culprit->name());
     };
-    return errorClass("MotionStopped")(
-        message, toString(status.reason), status.time, layout_.make(simulation.sample()),
-        name(scene().constraints, culprit.constraint), name(scene().torques, culprit.torque));
+    const bool is_torque = dynamic_cast<const Torque*>(culprit) != nullptr;
+    return errorClass("MotionStopped")(message, toString(status.reason), status.time,
+                                       layout_.make(simulation.sample()), nameIf(!is_torque),
+                                       nameIf(is_torque));
   }
 
  private:
