@@ -87,7 +87,7 @@ void Motion::start() {
   const scene_status began =
       beginning.findNear(Beginning::Begin::kStart, !initial.acceleration.empty(), initial.project);
   if (began != SCENE_OK && status.ok()) {
-    if (inputs.commands.isEmpty()) beginning.throwFault(began);
+    if (!inputs.isAnyWaiting()) beginning.throwFault(began);
     stop(reasonOf(began), time);
   }
   program.leave();
@@ -98,9 +98,8 @@ void Motion::start() {
 // --- the current time ------------------------------------------------------------------------
 
 const MotionStatus& Motion::advanceTo(double end) {
-  CommandQueue& commands = inputs.commands;
   if (!(end > time)) return status;
-  if (end <= quiet_until_ && status.ok() && commands.isEmpty()) {
+  if (end <= quiet_until_ && status.ok() && !inputs.isAnyWaiting()) {
     time = end;
     is_sample_valid_ = false;
     return status;
@@ -108,13 +107,12 @@ const MotionStatus& Motion::advanceTo(double end) {
   settle();
   is_start_ = false;
   // Timeouts of commands are events of the motion and act without a caller.
-  for (double timeout = commands.nextTimeout(); status.ok() && timeout <= end;
-       timeout = commands.nextTimeout()) {
+  for (double timeout = inputs.nextTimeout(); status.ok() && timeout <= end;
+       timeout = inputs.nextTimeout()) {
     moveTo(std::max(timeout, time));    // a rounding may lie between them
     if (time < timeout) return status;  // interrupted
     if (status.ok()) {
-      statistics.command_timeouts +=
-          static_cast<std::uint64_t>(commands.addTimeouts(time, resolutionOf(time)));
+      statistics.command_timeouts += static_cast<std::uint64_t>(inputs.addTimeouts(time));
     }
     if (timeout < end) settle();
   }
@@ -129,12 +127,12 @@ void Motion::moveTo(double end) {
   time = goes_on ? end : (status.ok() ? quietUntil() : status.time);  // or interrupted
   forgetSample();
   // At a timeout its command acts.
-  quiet_until_ = std::min(quietUntil(), std::nextafter(inputs.commands.nextTimeout(), -1.0));
+  quiet_until_ = std::min(quietUntil(), std::nextafter(inputs.nextTimeout(), -1.0));
 }
 
 double Motion::quietUntil() const {
-  if (!status.ok() || !inputs.commands.isEmpty()) return time;
-  return std::max(time, std::min(lastInside(), inputs.commands.nextTimeout()));
+  if (!status.ok() || inputs.isAnyWaiting()) return time;
+  return std::max(time, std::min(lastInside(), inputs.nextTimeout()));
 }
 
 double Motion::lastInside() const {
@@ -211,14 +209,14 @@ void Motion::stop(scene_status why) {
 // --- commands --------------------------------------------------------------------------------
 
 void Motion::settle() {
-  if (inputs.commands.isEmpty() || !status.ok()) return;
+  if (!inputs.isAnyWaiting() || !status.ok()) return;
   if (is_start_) {
     inputs.begin();
     start();
   } else if (inputs.isAnyNew()) {  // otherwise the commands change nothing
     changeInputs();
   }
-  inputs.commands.clear();
+  inputs.clear();
 }
 
 bool Motion::cut() {

@@ -1,7 +1,9 @@
-/// The inputs of a motion: commands that wait, and the closed forms that its program reads.
+/// The inputs of a motion: their closed forms in force, the commands that wait, and timeouts.
 #pragma once
 
-#include "motion/command_queue.h"
+#include <cmath>
+#include <vector>
+
 #include "motion/command_rhythm.h"
 #include "motion_program/motion_steps.h"
 #include "variator_sim/motion_state.h"
@@ -13,9 +15,7 @@ namespace variator_sim {
 class MotionInputs {
  public:
   /// `scene` has to outlive this.
-  explicit MotionInputs(const Scene& scene) : commands(scene.inputs), settings_(scene.inputs) {}
-
-  CommandQueue commands;
+  explicit MotionInputs(const Scene& scene);
 
   /// Returns to the inputs as the scene has them, at `time`, s.
   void reset(double time);
@@ -29,8 +29,24 @@ class MotionInputs {
   /// Writes the closed forms, since the last change.
   void describe(vs_exchanged_signal* to) const;
 
-  /// True when a command that waits changes an input.
+  /// Adds a command that came at `time`, s, and waits for the motion to be settled there; true when
+  /// it is clamped. The last of several to one input counts.
+  bool command(int i, double value, double time);
+  /// Returns the first command that was clamped, through resets; NaN if none was.
+  double firstClamped(int i) const { return first_clamped_[i]; }
+  /// True when a command waits, and when one that does changes an input.
+  bool isAnyWaiting() const { return is_any_waiting_; }
   bool isAnyNew() const;
+  /// Forgets the commands that wait.
+  void clear();
+
+  /// Returns the time of the next timeout of any input, s; infinity if there is none.
+  double nextTimeout() const;
+  /// Adds the fallback commands of inputs that are overdue at `time`, s. Returns their number.
+  int addTimeouts(double time);
+  /// Returns the time when the next command may be expected, s; infinity for none.
+  double nextExpected() const { return rhythm_.next(); }
+
   /// Waiting commands before the first advance: a zero-order command is the initial value, no jump,
   /// so the accelerations of least reaction are those with it; the others set targets.
   void begin();
@@ -39,19 +55,26 @@ class MotionInputs {
   bool change(double time);
   /// Takes over the values at `time`, s, of states and variables from the program.
   void takeMemory(double time, const vs_exchanged_signal* from);
-  /// Returns the time when the next command may be expected, s; infinity for none.
-  double nextExpected() const { return rhythm_.next(); }
 
  private:
   int count() const { return static_cast<int>(settings_.size()); }
   const CommandInputSettings& settings(int i) const {
     return settings_[static_cast<std::size_t>(i)];
   }
+  bool isWaiting(int i) const { return !std::isnan(waiting_[i]); }
+  /// Returns the command as it is taken, which waits now.
+  double wait(int i, double value);
+  /// Returns the time of the timeout of input i, s.
+  double timeoutOf(int i) const;
 
   const std::vector<CommandInputSettings>& settings_;
   CommandRhythm rhythm_;
   double origin_ = 0.0;  ///< s, that the signals' times count from
   CommandSignal signal_[kMaxInputs];
+  bool is_any_waiting_ = false;
+  double waiting_[kMaxInputs];    ///< NaN: none
+  double last_time_[kMaxInputs];  ///< s, of the last command; infinity: none, or it timed out
+  double first_clamped_[kMaxInputs];
 };
 
 }  // namespace variator_sim

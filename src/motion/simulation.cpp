@@ -93,7 +93,7 @@ CommandResult Simulation::command(int input, double value) {
     ++statistics.commands_refused;
     return CommandResult::kRefused;
   }
-  const bool is_clamped = motion_->inputs.commands.add(input, value, motion_->time);
+  const bool is_clamped = motion_->inputs.command(input, value, motion_->time);
   motion_->forgetSample();
   ++statistics.commands_accepted;
   if (!is_clamped) return CommandResult::kAccepted;
@@ -101,10 +101,10 @@ CommandResult Simulation::command(int input, double value) {
   return CommandResult::kClamped;
 }
 double Simulation::firstClampedCommand(int input) const {
-  return motion_->inputs.commands.firstClamped(input);
+  return motion_->inputs.firstClamped(input);
 }
 double Simulation::nextTimeout() const {
-  return motion_->inputs.commands.nextTimeout();
+  return motion_->inputs.nextTimeout();
 }
 
 // --- state at the current time, after its commands -------------------------------------------
