@@ -13,10 +13,9 @@ constexpr double kCertain = 100.0;
 
 }  // namespace
 
-EnergyBalance::EnergyBalance(const Scene& scene, bool are_rows_constant, int stride)
+EnergyBalance::EnergyBalance(const Scene& scene, bool are_rows_constant)
     : S(scene.shaftCount()),
       rows_(scene.constraintCount()),
-      stride_(stride),
       tolerance_{scene.solver.absolute_tolerance, scene.solver.relative_tolerance},
       is_watched_(scene.principle == Principle::kGeneralizedGauss && rows_ > 0 &&
                   !are_rows_constant),
@@ -37,26 +36,27 @@ void EnergyBalance::resume(const EnergyAccount& account, double time) {
 
 void EnergyBalance::noteDirections(const double* rows, const double* angle) {
   inertia_.update(angle);
-  for (int m = 0; m < rows_; ++m) calcDirection(rows + stride_ * m, account_.directions[m]);
+  for (int m = 0; m < rows_; ++m) calcDirection(rows + S * m, account_.directions[m]);
 }
 
-void EnergyBalance::noteStep(double time, double work, double through, const double* angle,
-                             const double* velocity, const double* rows) {
+void EnergyBalance::noteStep(double time, double work, double through, const double* state,
+                             const double* rows) {
   applied_before_ = account_.applied;
   before_ = doubtAtFront();
-  account_.throughput += through;
-  account_.applied += work;
-  if (!is_watched_) return;
-  inertia_.update(angle);
-  account_.has_turned = account_.has_turned || haveRowsTurned(rows);
-  judge(time, angle, velocity);
+  if (is_watched_) {
+    inertia_.update(state);
+    account_.has_turned = account_.has_turned || haveRowsTurned(rows);
+  }
+  endStep(time, work, through, state);
 }
 
-void EnergyBalance::cut(double time, double applied, double throughput, const double* angle,
-                        const double* velocity) {
-  account_.applied = applied;
-  account_.throughput = throughput;
-  if (is_watched_) judge(time, angle, velocity);
+void EnergyBalance::endStep(double time, double work, double through, const double* state) {
+  account_.applied = applied_before_ + work;
+  account_.throughput = before_.throughput + through;
+  if (!is_watched_) return;
+  judged_at_ = time;
+  inertia_.update(state);
+  judge(state + S);
 }
 
 Energy EnergyBalance::report(const Sample& sample, double kinetic, double applied) const {
@@ -69,14 +69,6 @@ Energy EnergyBalance::report(const Sample& sample, double kinetic, double applie
     energy.reaction_power += sample.reaction_torque[i] * sample.velocity[i];
   }
   return energy;
-}
-
-double EnergyBalance::calcKineticEnergy(const double* velocity) const {
-  double momentum[kMaxShafts];
-  inertia_.multiply(velocity, momentum);
-  double twice = 0.0;
-  for (int i = 0; i < S; ++i) twice += velocity[i] * momentum[i];
-  return 0.5 * twice;
 }
 
 void EnergyBalance::calcDirection(const double* c, double* direction) const {
@@ -92,7 +84,7 @@ void EnergyBalance::calcDirection(const double* c, double* direction) const {
 bool EnergyBalance::haveRowsTurned(const double* rows) const {
   for (int m = 0; m < rows_; ++m) {
     double direction[kMaxShafts];
-    calcDirection(rows + stride_ * m, direction);
+    calcDirection(rows + S * m, direction);
     double cosine = 0.0;
     for (int i = 0; i < S; ++i) cosine += direction[i] * account_.directions[m][i];
     if (1.0 - cosine * cosine > kTurned * kTurned) return true;
@@ -100,10 +92,12 @@ bool EnergyBalance::haveRowsTurned(const double* rows) const {
   return false;
 }
 
-void EnergyBalance::judge(double time, const double* angle, const double* velocity) {
-  judged_at_ = time;
-  inertia_.update(angle);
-  account_.reactions = calcKineticEnergy(velocity) - account_.start_kinetic - account_.applied;
+void EnergyBalance::judge(const double* velocity) {
+  double momentum[kMaxShafts];
+  inertia_.multiply(velocity, momentum);
+  double twice = 0.0;  // the kinetic energy
+  for (int i = 0; i < S; ++i) twice += velocity[i] * momentum[i];
+  account_.reactions = 0.5 * twice - account_.start_kinetic - account_.applied;
   if (account_.doubt_since >= 0.0 || !account_.has_turned || !doubtAtFront().isShareLarge()) return;
   // The uncertainty of T at this tolerance.
   double uncertain = 0.0;

@@ -23,15 +23,14 @@ namespace variator_sim {
 class EnergyBalance {
  public:
   /// The share of the reactions is watched, which needs the rows of C, unless these are constant or
-  /// of another principle. `stride`: from one row to the next.
-  EnergyBalance(const Scene& scene, bool are_rows_constant, int stride);
+  /// of another principle.
+  EnergyBalance(const Scene& scene, bool are_rows_constant);
 
   bool isWatched() const { return is_watched_; }
   /// The account at the end of the last step. Its reactions are known where they are watched.
   const EnergyAccount& account() const { return account_; }
-  /// The applied energy and the throughput up to the start of the last step, J.
+  /// The applied energy up to the start of the last step, J.
   double appliedBefore() const { return applied_before_; }
-  double throughputBefore() const { return before_.throughput; }
 
   /// Begins an account at time 0, where T is `kinetic`, J.
   void begin(double kinetic);
@@ -43,12 +42,9 @@ class EnergyBalance {
 
   /// Accounts for a step to `time`, s, and the state there: `work` and `through`, the integrals of
   /// sum Q_i omega_i and its magnitudes, J. `rows`: C at its end, K x S, if they are watched.
-  void noteStep(double time, double work, double through, const double* angle,
-                const double* velocity, const double* rows);
-  /// Cuts that step at `time`, s, and the state there, where the account is `applied` and
-  /// `throughput`, J.
-  void cut(double time, double applied, double throughput, const double* angle,
-           const double* velocity);
+  void noteStep(double time, double work, double through, const double* state, const double* rows);
+  /// Ends that step there, or sooner.
+  void endStep(double time, double work, double through, const double* state);
 
   /// Returns all energies and powers of `sample`, where T and the applied energy are these, J.
   Energy report(const Sample& sample, double kinetic, double applied) const;
@@ -62,16 +58,14 @@ class EnergyBalance {
   EnergyDoubt doubtAtFront() const {
     return {account_.doubt_since, judged_at_, account_.reactions, account_.throughput};
   }
-  double calcKineticEnergy(const double* velocity) const;  ///< of J as it was computed last
   /// Writes row c of C in coordinates in which J is 1 (but for inertia coupling), as a unit vector.
   void calcDirection(const double* c, double* direction) const;
   bool haveRowsTurned(const double* rows) const;
-  /// Compares the energy of the reactions with the throughput of the applied torques at `time`.
-  void judge(double time, const double* angle, const double* velocity);
+  /// Compares the energy of the reactions with the throughput of the applied torques.
+  void judge(const double* velocity);
 
   const int S;  // shafts
   const int rows_;
-  const int stride_;
   const Tolerance tolerance_;
   const bool is_watched_;
   Inertia inertia_;

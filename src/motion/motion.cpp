@@ -44,7 +44,7 @@ Motion::Motion(Scene its_scene, const Motion* like)
       quantities(scene),
       beginning(*this),
       stops(*this),
-      energy(scene, hasMoreThanLaws(scene) || areRowsConstant(scene), scene.shaftCount()),
+      energy(scene, hasMoreThanLaws(scene) || areRowsConstant(scene)),
       events(program.text()),
       progress(scene.solver.maximum_steps) {
   entries_.resize(static_cast<std::size_t>(program.text().K) * scene.shafts.size());
@@ -230,8 +230,7 @@ bool Motion::cut() {
     stop(StopReason::kProjectionFailed, time);
     return false;
   }
-  energy.cut(time, energy.appliedBefore() + work, energy.throughputBefore() + through,
-             program.it.state, program.it.state + scene.shaftCount());
+  energy.endStep(time, work, through, program.it.state);
   return true;
 }
 
@@ -316,8 +315,7 @@ void Motion::noteEnergy() {
     }
     program.look(made, entries_.data());
   }
-  energy.noteStep(program.front(), work, through, state, state + scene.shaftCount(),
-                  entries_.data());
+  energy.noteStep(program.front(), work, through, state, entries_.data());
 }
 
 }  // namespace variator_sim
