@@ -39,57 +39,36 @@ Quantities::Quantities(const Scene& scene)
   for (const char* measure : {"principle/Z", "principle/constraint_measure"}) {
     principle.emplace_back(measure);
   }
-  const auto add_outputs = [&names = names, &nodes](const Law& element) {
-    for (const auto& [name, node] : element.outputs()) {
-      names.push_back(element.name() + "/" + name);
-      nodes.push_back(node);
+  for (const Law* const law : scene.laws()) {
+    const auto* const torque = dynamic_cast<const Torque*>(law);
+    elements_.push_back({law, torque, torque != nullptr ? torque->shafts() : std::vector<int>()});
+    for (const int i : elements_.back().shafts) {
+      names.push_back(law->name() + "/" + scene.shafts[static_cast<std::size_t>(i)] + "/torque");
     }
-  };
-  const auto add_holds = [&names = names](const Law& element) {
-    for (const Holding& it : element.holdings()) {
+    if (torque != nullptr) names.push_back(law->name() + "/power");
+    for (const Holding& it : law->holdings()) {
       for (const char* of : {"/mode", "/torque", "/slip", "/reserve", "/heat"}) {
-        names.push_back(element.nameOf(it) + of);
+        names.push_back(law->nameOf(it) + of);
       }
     }
-  };
-  for (const TorquePtr& torque : scene_.torques) {
-    shafts_.push_back(torque->shafts());
-    for (const int i : shafts_.back()) {
-      names.push_back(torque->name() + "/" + scene_.shafts[static_cast<std::size_t>(i)] +
-                      "/torque");
+    for (const auto& [name, node] : law->outputs()) {
+      names.push_back(law->name() + "/" + name);
+      nodes.push_back(node);
     }
-    names.push_back(torque->name() + "/power");
-    add_holds(*torque);
-    add_outputs(*torque);
-  }
-  for (const ConstraintPtr& constraint : scene_.constraints) {
-    add_holds(*constraint);
-    add_outputs(*constraint);
   }
   element_outputs_ = {*scene.graph, nodes};
 }
 
 void Quantities::calc(QuantityGroup group, const StateView& state, const Sample& sample,
                       double* values) const {
-  switch (group) {
-    case QuantityGroup::kElements:
-      calcElements(state, values);
-      break;
-    case QuantityGroup::kInputs:
-      calcInputs(InputKind::kCommanded, state, values);
-      break;
-    case QuantityGroup::kStates:
-      calcInputs(InputKind::kState, state, values);
-      break;
-    case QuantityGroup::kVariables:
-      calcInputs(InputKind::kVariable, state, values);
-      break;
-    case QuantityGroup::kOutputs:
-      calcOutputs(state, sample, values);
-      break;
-    case QuantityGroup::kPrinciple:
-      calcPrinciple(state, sample, values);
-      break;
+  if (group == QuantityGroup::kElements) return calcElements(state, values);
+  if (group == QuantityGroup::kOutputs) return calcOutputs(state, sample, values);
+  if (group == QuantityGroup::kPrinciple) return calcPrinciple(state, sample, values);
+  const InputKind kind = group == QuantityGroup::kInputs   ? InputKind::kCommanded
+                         : group == QuantityGroup::kStates ? InputKind::kState
+                                                           : InputKind::kVariable;
+  for (std::size_t i = 0; i < scene_.inputs.size(); ++i) {
+    if (scene_.inputs[i].kind == kind) *values++ = state.input[i];
   }
 }
 
@@ -133,54 +112,32 @@ bool Quantities::isInertiaLost(const StateView& state) const {
   return !solveSymmetric(J, kLost * J.cwiseAbs().maxCoeff(), &unused);
 }
 
-void Quantities::calcInputs(InputKind kind, const StateView& state, double* values) const {
-  for (std::size_t i = 0; i < scene_.inputs.size(); ++i) {
-    if (scene_.inputs[i].kind == kind) *values++ = state.input[i];
-  }
-}
-
-namespace {
-
-double* writeHolds(const HeldElement* held, std::size_t count, double* values) {
-  for (; count > 0; --count, ++held) {
-    for (const double it : {1.0 * held->mode, held->torque, held->slip, held->reserve, held->heat})
-      *values++ = it;
-  }
-  return values;
-}
-
-}  // namespace
-
 void Quantities::calcElements(const StateView& state, double* values) const {
   const HeldElement* held = state.held;
   const double* outputs = element_outputs_.evaluate(state);
-  const auto write_outputs = [&](const Law& element) {
-    const std::size_t count = element.outputs().size();
+  for (const Element& it : elements_) {
+    const std::size_t holds = held != nullptr ? it.law->holdings().size() : 0;
+    if (it.torque != nullptr) {
+      double Q[kMaxShafts] = {};
+      if (holds == 0) it.torque->addTorque(state, Q);
+      for (std::size_t n = 0; n < holds; ++n) {
+        for (const int i : it.shafts) Q[i] += held[n].on_shaft[i];
+      }
+      double power = 0.0;
+      for (const int i : it.shafts) {
+        *values++ = Q[i];
+        power += Q[i] * state.velocity[i];
+      }
+      *values++ = power;
+    }
+    for (std::size_t n = 0; n < holds; ++n, ++held) {
+      values = std::copy_n(
+          std::array{1.0 * held->mode, held->torque, held->slip, held->reserve, held->heat}.data(),
+          5, values);
+    }
+    const std::size_t count = it.law->outputs().size();
     values = std::copy_n(outputs, count, values);
     outputs += count;
-  };
-  for (std::size_t j = 0; j < scene_.torques.size(); ++j) {
-    double Q[kMaxShafts] = {};
-    const std::size_t holds = held != nullptr ? scene_.torques[j]->holdings().size() : 0;
-    if (holds == 0) scene_.torques[j]->addTorque(state, Q);
-    for (std::size_t n = 0; n < holds; ++n) {
-      for (const int i : shafts_[j]) Q[i] += held[n].on_shaft[i];
-    }
-    double power = 0.0;
-    for (const int i : shafts_[j]) {
-      *values++ = Q[i];
-      power += Q[i] * state.velocity[i];
-    }
-    *values++ = power;
-    values = writeHolds(held, holds, values);
-    held += holds;
-    write_outputs(*scene_.torques[j]);
-  }
-  for (const ConstraintPtr& constraint : scene_.constraints) {
-    const std::size_t holds = held != nullptr ? constraint->holdings().size() : 0;
-    values = writeHolds(held, holds, values);
-    held += holds;
-    write_outputs(*constraint);
   }
 }
 

@@ -37,16 +37,20 @@ class Quantities {
   /// Writes G, Z = 1/2 G^T J^-1 G and 1/2 R^T J^-1 R.
   void calcPrinciple(const StateView& state, const Sample& sample, double* values) const;
   void calcElements(const StateView& state, double* values) const;
-  void calcInputs(InputKind kind, const StateView& state, double* values) const;
 
   const Scene& scene_;
   const bool has_formulas_;       ///< of inertias
   expression::Tape inertia_;      ///< J, if formulas give it
   bool reads_principle_ = false;  ///< some output does
   std::array<std::vector<std::string>, kQuantityGroups.size()> names_;
-  std::vector<std::vector<int>> shafts_;  ///< per torque
-  expression::Tape outputs_;              ///< of the scene
-  expression::Tape element_outputs_;      ///< of all torques, then of all constraints
+  struct Element {
+    const Law* law;
+    const Torque* torque;  ///< the same, or null
+    std::vector<int> shafts;
+  };
+  std::vector<Element> elements_;
+  expression::Tape outputs_;          ///< of the scene
+  expression::Tape element_outputs_;  ///< of all elements
 };
 
 }  // namespace variator_sim
