@@ -365,6 +365,8 @@ void SteppingLoop::pushSample() {
 void SteppingLoop::pushEvents() {
   const bool is_wanted = wanted()[kEvents];
   const std::uint64_t lost = simulation_.lostModeEvents();
+  if (is_wanted) lost_events_.fetch_add(lost - lost_seen_, std::memory_order_relaxed);
+  lost_seen_ = lost;
   TimedEvent timed;
   bool has_news = false;
   while (simulation_.takeModeEvent(&timed.event)) {
@@ -374,8 +376,6 @@ void SteppingLoop::pushEvents() {
     events_.push(timed);
     has_news = true;
   }
-  if (is_wanted)
-    lost_events_.fetch_add(simulation_.lostModeEvents() - lost, std::memory_order_relaxed);
   if (has_news) sample_news_.post();
 }
 

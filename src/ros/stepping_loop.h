@@ -221,6 +221,7 @@ class SteppingLoop {
   bool clock_started_ = false;
   std::uint64_t jumps_back_ = 0;  ///< of the clock, those served
   bool stop_noticed_ = false;
+  std::uint64_t lost_seen_ = 0;   ///< events
   std::int64_t offset_ = 0;       ///< sample time minus the scene's time, ns
   std::int64_t present_ = 0;      ///< the scene's time, ns
   std::int64_t quiet_until_ = 0;  ///< likewise, see isQuiet
