@@ -22,14 +22,12 @@ struct EnergyAccount {
   double directions[kMaxConstraints][kMaxShafts] = {};  ///< of the rows of C at the start
 };
 
-/// The state of an element that holds.
+/// The state of an element that holds, beside its multiplier.
 struct HeldState {
-  int mode = 2;              ///< as of HeldElement
-  int counts = 0;            ///< 1: its row of C is independent of the others'
-  double side = 0.0;         ///< with which its torque slides
-  double heat = 0.0;         ///< J
-  double multiplier = 0.0;   ///< N m
-  double longest_row = 0.0;  ///< as of constraints
+  int mode = 2;       ///< as of HeldElement
+  int counts = 0;     ///< 1: its row of C is independent of the others'
+  double side = 0.0;  ///< with which its torque slides
+  double heat = 0.0;  ///< J
 };
 
 /// Plain data. Angles, velocities, accelerations and inputs are the state of the theory; the
@@ -37,10 +35,11 @@ struct HeldState {
 struct MotionState {
   struct History {
     bool exists = false;
-    bool is_start = false;                     ///< commands are initial values still
-    bool is_implicit = false;                  ///< the steps of `auto` are implicit
-    double longest_row[kMaxConstraints] = {};  ///< square of the greatest length of each row of C
-    double multiplier[kMaxConstraints] = {};   ///< with which their iteration goes on
+    bool is_start = false;     ///< commands are initial values still
+    bool is_implicit = false;  ///< the steps of `auto` are implicit
+    /// Square of the greatest length of each row of C, of constraints and of elements that hold.
+    double longest_row[kMaxConstraints + kMaxHolds] = {};
+    double multiplier[kMaxConstraints + kMaxHolds] = {};  ///< with which their iteration goes on
     /// The component of the reaction that no constraint can change, N m; per root of kg m^2 where
     /// inertias depend on angles.
     double kept_reaction[kMaxShafts] = {};

@@ -135,9 +135,6 @@ struct Motion {
   scene_status goOnFrom(const MotionState& state, bool may_move);
   /// True where a motion may go on from a saved state to the bit.
   bool isConsistent(const MotionState& state);
-  /// Copies what belongs to elements that hold into a state, and back.
-  void saveHeld(HeldState* held) const;
-  void restoreHeld(const HeldState* held);
 
   Sample sample_;
   bool is_sample_valid_ = false;

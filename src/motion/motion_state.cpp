@@ -78,8 +78,9 @@ ParameterTree toTree(const MotionState::History& history, const Scene& scene) {
   const std::vector<std::string> names = scene.holdNames();
   for (std::size_t h = 0; h < names.size(); ++h) {
     const HeldState& it = history.held[h];
-    const double values[] = {1.0 * it.mode, 1.0 * it.counts, it.side,
-                             it.heat,       it.multiplier,   it.longest_row};
+    const std::size_t row = scene.constraints.size() + h;
+    const double values[] = {1.0 * it.mode, 1.0 * it.counts,         it.side,
+                             it.heat,       history.multiplier[row], history.longest_row[row]};
     holding[names[h]] = listOf(values, 6);
   }
   if (!names.empty()) tree["holding"] = ParameterTree::dictionary(std::move(holding));
@@ -115,10 +116,12 @@ EnergyAccount readEnergy(ParameterReader& history, const Scene& scene) {
   return energy;
 }
 
-void readHolding(ParameterReader& history, const Scene& scene, HeldState* held) {
+void readHolding(ParameterReader& from, const Scene& scene, MotionState::History* history) {
   const std::vector<std::string> names = scene.holdNames();
   if (names.empty()) return;
-  ParameterReader reader = history.section("holding");
+  ParameterReader reader = from.section("holding");
+  HeldState* held = history->held;
+  int row = scene.constraintCount();
   for (const std::string& name : names) {
     double values[6];
     readList(reader, name, 6, values);
@@ -128,7 +131,9 @@ void readHolding(ParameterReader& history, const Scene& scene, HeldState* held) 
                        "begins with no mode; allowed: -1, 0, 1 or 2, and of "
                        "losses 3 and -3");
     }
-    *held++ = {mode, values[1] != 0.0 ? 1 : 0, values[2], values[3], values[4], values[5]};
+    *held++ = {mode, values[1] != 0.0 ? 1 : 0, values[2], values[3]};
+    history->multiplier[row] = values[4];
+    history->longest_row[row++] = values[5];
   }
   reader.finish();
 }
@@ -148,7 +153,7 @@ MotionState::History readHistory(ParameterReader& root, const Scene& scene) {
   rows.finish();
   history.energy = readEnergy(reader, scene);
   readList(reader, "multipliers", scene.constraintCount(), history.multiplier);
-  readHolding(reader, scene, history.held);
+  readHolding(reader, scene, &history);
   if (!scene.events.empty()) {
     ParameterReader events = reader.section("events");
     for (std::size_t e = 0; e < scene.events.size(); ++e)

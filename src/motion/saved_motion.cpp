@@ -25,6 +25,7 @@ bool Motion::saveState(MotionState* state) {
   // (The end of a step over an event stands for the event, some 1e-9 s before it.)
   time = std::max(time, program.front());
   const int S = scene.shaftCount();
+  const int rows = program.text().K;
   const Exchange& it = program.it;
   program.leave();
   inputs.takeMemory(time, it.input);
@@ -38,9 +39,12 @@ bool Motion::saveState(MotionState* state) {
   history.exists = true;
   history.is_start = is_start_;
   history.is_implicit = program.isImplicit();
-  std::copy_n(it.longest, scene.constraintCount(), history.longest_row);
-  std::copy_n(it.multiplier, scene.constraintCount(), history.multiplier);
-  saveHeld(history.held);
+  std::copy_n(it.longest, rows, history.longest_row);
+  std::copy_n(it.multiplier, rows, history.multiplier);
+  for (int h = 0; h < program.text().HOLDS; ++h) {
+    const vs_exchanged_hold& hold = it.hold[h];
+    history.held[h] = {hold.mode, hold.counts, hold.side, hold.heat};
+  }
   std::copy_n(it.armed, kMaxEvents, history.armed);
   history.past = program.past().save();
   std::copy_n(it.reaction, S, history.kept_reaction);
@@ -52,23 +56,25 @@ scene_status Motion::goOnFrom(const MotionState& state, bool may_move) {
   /// Implicit steps, before series are tried again.
   constexpr int kFewSteps = 3;
   const int S = scene.shaftCount();
+  const int rows = program.text().K;
   const MotionState::History& history = state.history;
   Exchange& it = program.it;
   time = state.time;
   status = MotionStatus{};
-  // (Where it began elsewhere, it would begin there anew.)
-  is_start_ = history.is_start && time == scene.initial.time &&
-              std::equal(first_, first_ + S, state.angle) &&
-              std::equal(first_ + S, first_ + 2 * S, state.velocity) &&
-              std::equal(first_ + 2 * S, first_ + 3 * S, state.acceleration);
   inputs.restore(state);
   progress.begin(time);
   std::copy_n(state.angle, S, it.state);
   std::copy_n(state.velocity, S, it.state + S);
   std::copy_n(state.acceleration, S, it.state + 2 * S);
-  std::copy_n(history.longest_row, scene.constraintCount(), it.longest);
-  std::copy_n(history.multiplier, scene.constraintCount(), it.multiplier);
-  restoreHeld(history.held);
+  // (Where it began elsewhere, it would begin there anew.)
+  is_start_ = history.is_start && time == scene.initial.time &&
+              std::equal(first_, first_ + 3 * S, it.state);
+  std::copy_n(history.longest_row, rows, it.longest);
+  std::copy_n(history.multiplier, rows, it.multiplier);
+  for (int h = 0; h < program.text().HOLDS; ++h) {
+    const HeldState& held = history.held[h];
+    it.hold[h] = {held.mode, held.counts, held.side, held.heat};
+  }
   std::copy_n(history.kept_reaction, S, it.reaction);
   std::copy_n(history.armed, kMaxEvents, it.armed);
   it.time = time;
@@ -126,24 +132,6 @@ bool Motion::isConsistent(const MotionState& state) {
     tried.signal[i].moveOrigin(kMoment);
   }
   return goesOn();
-}
-
-void Motion::saveHeld(HeldState* held) const {
-  const Exchange& it = program.it;
-  for (int h = 0; h < program.text().HOLDS; ++h) {
-    const int row = program.text().CONSTRAINTS + h;
-    held[h] = {it.hold[h].mode, it.hold[h].counts,  it.hold[h].side,
-               it.hold[h].heat, it.multiplier[row], it.longest[row]};
-  }
-}
-
-void Motion::restoreHeld(const HeldState* held) {
-  Exchange& it = program.it;
-  for (int h = 0; h < program.text().HOLDS; ++h) {
-    it.hold[h] = {held[h].mode, held[h].counts, held[h].side, held[h].heat};
-    it.multiplier[program.text().CONSTRAINTS + h] = held[h].multiplier;
-    it.longest[program.text().CONSTRAINTS + h] = held[h].longest_row;
-  }
 }
 
 }  // namespace variator_sim
