@@ -133,7 +133,7 @@ scene_status Beginning::beginWithFound(Begin how, bool are_given, Exchange* left
   const double* const given = misfit_.given + 2 * S;
   double* const epsilon = program_.it.state + 2 * S;
   std::copy_n(given, S, epsilon);
-  const StateView at = motion_.observation.view(program_.it.state, motion_.time);
+  const StateView at = program_.view(program_.it.state, motion_.time);
   const auto follow = [&] {
     double multipliers[kMaxShafts] = {};
     std::copy_n(given, S, epsilon);
@@ -160,7 +160,7 @@ scene_status Beginning::beginWithFound(Begin how, bool are_given, Exchange* left
 }
 
 scene_status Beginning::explainFault(scene_status status) {
-  const StateView at = motion_.observation.view(program_.it.state, motion_.time);
+  const StateView at = program_.view(program_.it.state, motion_.time);
   motion_.status.time = motion_.time;
   if (motion_.stops.findBadValue(at)) return SCENE_NOT_FINITE;
   // A rank is lost on psi = 0 only; elsewhere no start was found at all.
@@ -222,8 +222,8 @@ std::string Beginning::explainMisfit(bool is_start) {
                     : "which accelerations have the least reaction is not certain; give them";
   }
   Sample unused;
-  motion_.observation.look(0.0, &unused);  // what the laws read beside the state
-  const StateView state = motion_.observation.view(misfit_.given, motion_.time);
+  program_.look(0.0, &unused);  // what the laws read beside the state
+  const StateView state = program_.view(misfit_.given, motion_.time);
   const bool of_velocities = misfit_.of_velocities;
   const std::string level = of_velocities ? "velocities" : "accelerations";
   const std::string values = formatNumbers(of_velocities ? state.velocity : state.acceleration, S);

@@ -18,57 +18,36 @@ constexpr double kGrowth = 1e8;     // tolerances
 constexpr double kLargePart = 0.1;  // of a column
 constexpr double kLeastTolerance = 1e-14;
 
+// Measured over random scenes (doc/scene.md). The same stepper at a tolerance k times smaller is a
+// good companion as long as its error goes with its tolerance; a higher order is cheaper for
+// steppers of low order, and `auto` is the one that passes every event.
 Scene makeCompanion(const Scene& scene) {
+  const SolverSettings& settings = scene.solver;
   Scene companion = scene;
-  companion.solver = calcCompanionSettings(scene.solver);
+  SolverSettings& finer = companion.solver;
+  double factor = 100.0;
+  // Above this tolerance `auto` uses Runge-Kutta methods, whose errors may lie far below it.
+  if (settings.stepper == StepperKind::kAuto)
+    factor = settings.relative_tolerance > 1e-6 ? 1e4 : 300.0;
+  // (The same steps, of an order two or three higher.)
+  if (settings.stepper == StepperKind::kTaylorFixed) factor = 1e4;
+  for (double* const tolerance : {&finer.relative_tolerance, &finer.absolute_tolerance})
+    *tolerance = std::min(*tolerance, std::max(*tolerance / factor, kLeastTolerance));
+  if (settings.stepper == StepperKind::kDopri5 || settings.stepper == StepperKind::kRk4)
+    finer.stepper = StepperKind::kAuto;
+  if (settings.stepper == StepperKind::kRk4) {
+    // The stepper ignores the tolerance; the error goes with some power of the step.
+    constexpr double kUsualStep = 1e-3;  // s
+    const double coarseness = std::max(1.0, settings.step / kUsualStep);
+    finer.relative_tolerance = std::min(1e-8, 1e-13 * coarseness * coarseness);
+    finer.absolute_tolerance = finer.relative_tolerance;
+  }
+  constexpr int kMost = std::numeric_limits<int>::max() / 4;
+  finer.maximum_steps = 4 * std::min(settings.maximum_steps, kMost);
   return companion;
 }
 
 }  // namespace
-
-// Measured over random scenes (doc/scene.md). The same stepper at a tolerance k times smaller is a
-// good companion as long as its error goes with its tolerance; a higher order is cheaper for
-// steppers of low order, and `auto` is the one that passes every event.
-SolverSettings calcCompanionSettings(const SolverSettings& settings) {
-  SolverSettings companion = settings;
-  const auto take = [&](StepperKind stepper, double factor) {
-    const auto tighten = [factor](double tolerance) {
-      return std::min(tolerance, std::max(tolerance / factor, kLeastTolerance));
-    };
-    companion.stepper = stepper;
-    companion.relative_tolerance = tighten(settings.relative_tolerance);
-    companion.absolute_tolerance = tighten(settings.absolute_tolerance);
-  };
-  switch (settings.stepper) {
-    case StepperKind::kAuto:
-      // Above this tolerance `auto` uses Runge-Kutta methods, whose errors may lie far below it.
-      take(StepperKind::kAuto, settings.relative_tolerance > 1e-6 ? 1e4 : 300.0);
-      break;
-    case StepperKind::kTaylor:
-    case StepperKind::kRadau:
-    case StepperKind::kFehlberg78:
-      take(settings.stepper, 100.0);
-      break;
-    case StepperKind::kDopri5:
-      take(StepperKind::kAuto, 100.0);
-      break;
-    case StepperKind::kTaylorFixed:
-      take(StepperKind::kTaylorFixed, 1e4);  // the same steps, of an order two or three higher
-      break;
-    case StepperKind::kRk4: {
-      // The stepper ignores the tolerance; the error goes with some power of the step.
-      constexpr double kUsualStep = 1e-3;  // s
-      const double coarseness = std::max(1.0, settings.step / kUsualStep);
-      companion.stepper = StepperKind::kAuto;
-      companion.relative_tolerance = std::min(1e-8, 1e-13 * coarseness * coarseness);
-      companion.absolute_tolerance = companion.relative_tolerance;
-      break;
-    }
-  }
-  constexpr int kMost = std::numeric_limits<int>::max() / 4;
-  companion.maximum_steps = 4 * std::min(settings.maximum_steps, kMost);
-  return companion;
-}
 
 ErrorEstimate::ErrorEstimate(const Scene& scene)
     : companion_(makeCompanion(scene)),

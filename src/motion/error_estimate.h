@@ -58,7 +58,4 @@ class ErrorEstimate {
   ErrorDoubt doubt_;
 };
 
-/// Returns the settings of the companion of a run with these settings.
-SolverSettings calcCompanionSettings(const SolverSettings& settings);
-
 }  // namespace variator_sim

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <utility>
 
-#include "motion/exchange.h"
+#include "motion_program/motion_steps.h"
 #include "variator_sim/status.h"
 
 namespace variator_sim {

@@ -5,7 +5,6 @@
 #include <limits>
 #include <utility>
 
-#include "motion/time_resolution.h"
 #include "variator_sim/errors.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/operating_point.h"
@@ -24,11 +23,6 @@ bool areRowsConstant(const Scene& scene) {
                      [](const ConstraintPtr& it) { return it->hasConstantJacobian(); });
 }
 
-std::shared_ptr<const MotionProgram> makeProgram(const Scene& scene) {
-  return std::make_shared<const MotionProgram>(scene, std::vector<expression::Node>{},
-                                               MotionProgram::Steps::kByStepper);
-}
-
 }  // namespace
 
 bool hasMoreThanLaws(const Scene& scene) {
@@ -39,8 +33,7 @@ bool hasMoreThanLaws(const Scene& scene) {
 Motion::Motion(Scene its_scene, const Motion* like)
     : scene(std::move(its_scene)),
       inputs(scene),
-      program(makeProgram(scene), inputs),
-      observation(scene, program, inputs),
+      program(scene, inputs),
       quantities(scene),
       beginning(*this),
       stops(*this),
@@ -49,14 +42,7 @@ Motion::Motion(Scene its_scene, const Motion* like)
       progress(scene.solver.maximum_steps) {
   entries_.resize(static_cast<std::size_t>(program.text().K) * scene.shafts.size());
   reset();
-  if (like != nullptr) useCodeOf(*like);
-}
-
-bool Motion::useCodeOf(const Motion& other) {
-  if (has_machine_code || scene.solver.machine_code == MachineCode::kNever) return has_machine_code;
-  has_machine_code = program.shareCode(other.program);
-  if (has_machine_code) machine_code = "machine code, of another run";
-  return has_machine_code;
+  if (like != nullptr) program.shareCode(like->program);
 }
 
 void Motion::reset() {
@@ -249,7 +235,7 @@ void Motion::changeInputs() {
 
 Sample& Motion::sample() {
   if (is_sample_valid_) return sample_;
-  const scene_status seen = observation.look(program.insideStep(time), &sample_);
+  const scene_status seen = program.look(program.insideStep(time), &sample_);
   if (seen != SCENE_OK && status.ok()) {
     stop(seen);
     status.time = time;
@@ -262,7 +248,7 @@ Sample& Motion::sample() {
 
 StateView Motion::view() {
   const Sample& now = sample();
-  return observation.view(time, now.angle, now.velocity, now.acceleration);
+  return program.view(time, now.angle, now.velocity, now.acceleration);
 }
 
 OperatingPoint Motion::operatingPoint() {
@@ -289,7 +275,7 @@ OperatingPoint Motion::operatingPoint() {
 void Motion::beginEnergy() {
   forgetSample();
   sample();
-  energy.begin(observation.kinetic());
+  energy.begin(program.kinetic());
   forgetSample();
 }
 
@@ -300,7 +286,7 @@ Energy Motion::calcEnergy() {
       program.hasStep()
           ? energy.appliedBefore() + program.calcWork(program.insideStep(time), &through)
           : energy.account().applied;
-  return energy.report(now, observation.kinetic(), applied);
+  return energy.report(now, program.kinetic(), applied);
 }
 
 void Motion::noteEnergy() {
@@ -310,10 +296,10 @@ void Motion::noteEnergy() {
   const double work = program.calcWork(made, &through);
   if (energy.isWatched()) {
     if (!energy.hasDirections()) {
-      program.look(0.0, entries_.data());
+      program.writeRows(0.0, entries_.data());
       energy.noteDirections(entries_.data(), state);
     }
-    program.look(made, entries_.data());
+    program.writeRows(made, entries_.data());
   }
   energy.noteStep(program.front(), work, through, state, entries_.data());
 }

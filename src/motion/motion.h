@@ -43,7 +43,6 @@
 #include "motion/error_estimate.h"
 #include "motion/mode_events.h"
 #include "motion/motion_inputs.h"
-#include "motion/observation.h"
 #include "motion/progress.h"
 #include "motion/quantities.h"
 #include "motion/stepped_program.h"
@@ -94,13 +93,9 @@ struct Motion {
   /// Stops at `at`, s, or at the end of the last step, where it finds out why.
   void stop(StopReason reason, double at);
   void stop(scene_status why);
-  /// Uses the machine code of `other`, if it has some that fits. False if it does not.
-  bool useCodeOf(const Motion& other);
-
   const Scene scene;
   MotionInputs inputs;
   SteppedProgram program;
-  Observation observation;
   const Quantities quantities;
   Beginning beginning;
   StopSearch stops;
@@ -110,8 +105,6 @@ struct Motion {
   MotionStatus status;
   Statistics statistics;
   std::unique_ptr<ErrorEstimate> error_estimate;  ///< null: errors are not estimated
-  std::string machine_code = "the interpreter";   ///< or another sentence
-  bool has_machine_code = false;
   bool is_energy_tracked = false;
   double time = 0.0;  ///< the current time
 

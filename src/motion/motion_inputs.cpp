@@ -1,9 +1,6 @@
 #include "motion/motion_inputs.h"
 
 #include <algorithm>
-#include <limits>
-
-#include "motion/time_resolution.h"
 
 namespace variator_sim {
 namespace {

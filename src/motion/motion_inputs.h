@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "motion/command_rhythm.h"
@@ -10,6 +11,11 @@
 #include "variator_sim/scene.h"
 
 namespace variator_sim {
+
+/// Differences from `time` that are no more than this no longer change it reliably. [loop]
+inline double resolutionOf(double time) {
+  return 4.0 * std::numeric_limits<double>::epsilon() * std::abs(time);
+}
 
 /// All are [loop].
 class MotionInputs {

@@ -1,9 +1,7 @@
 #include "variator_sim/simulation.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -11,7 +9,6 @@
 #include "motion/motion.h"
 #include "motion/stop_message.h"
 #include "variator_sim/errors.h"
-#include "variator_sim/interruption.h"
 
 namespace variator_sim {
 
@@ -22,14 +19,6 @@ std::unique_ptr<Motion> makeMotion(Scene scene, const Motion* like) {
     throw SceneError("shafts", "a drivetrain has 1 to " + std::to_string(kMaxShafts) + " shafts");
   }
   return std::make_unique<Motion>(std::move(scene), like);
-}
-
-/// Tells whether missing code is compiled, and whether a busy compiler is waited for.
-KernelLibrary::Missing missingCode(const SolverSettings& solver, bool compile, bool patiently) {
-  using Missing = KernelLibrary::Missing;
-  if (!compile) return Missing::kLeave;
-  const bool waits = patiently || solver.machine_code == MachineCode::kAlways;
-  return waits ? Missing::kCompilePatiently : Missing::kCompile;
 }
 
 }  // namespace
@@ -189,48 +178,20 @@ std::vector<std::string> Simulation::skips() const {
 // --- machine code ----------------------------------------------------------------------------
 
 bool Simulation::loadMachineCode(bool compile, bool patiently) {
-  Motion& motion = *motion_;
-  const SolverSettings& solver = motion.scene.solver;
-  if (motion.error_estimate) {
-    motion.error_estimate->companion().loadMachineCode(compile, patiently);
-  }
-  if (motion.has_machine_code) return true;
-  if (solver.machine_code == MachineCode::kNever) {
-    motion.machine_code = "the interpreter: 'solver/machine_code' is 'never'";
-    return false;
-  }
-  const auto begin = std::chrono::steady_clock::now();
-  bool compiled = false;
-  std::string reason;
-  try {
-    reason = motion.program.loadCode(missingCode(solver, compile, patiently), &compiled);
-  } catch (const Interrupted&) {  // while the C of the formulas was written
-    reason = "it was interrupted";
-  }
-  motion.has_machine_code = reason.empty();
-  if (!motion.has_machine_code) {
-    motion.machine_code = "the interpreter: " + reason;
-  } else if (compiled) {
-    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
-    std::ostringstream text;
-    text.precision(2);
-    text << "machine code, compiled in " << seconds.count() << " s";
-    motion.machine_code = text.str();
-  } else {
-    motion.machine_code = "machine code, from the cache";
-  }
-  return motion.has_machine_code;
+  if (motion_->error_estimate)
+    motion_->error_estimate->companion().loadMachineCode(compile, patiently);
+  return motion_->program.loadCode(compile, patiently);
 }
 
 bool Simulation::shareMachineCode(const Simulation& other) {
-  return motion_->useCodeOf(*other.motion_);
+  return motion_->program.shareCode(other.motion_->program);
 }
 
 const std::string& Simulation::machineCode() const {
-  return motion_->machine_code;
+  return motion_->program.code();
 }
 bool Simulation::hasMachineCode() const {
-  return motion_->has_machine_code;
+  return motion_->program.hasCode();
 }
 
 }  // namespace variator_sim

@@ -1,16 +1,44 @@
-/// The program of a scene at work: its code, and the last step that it has made.
+/// The program of a scene at work: its code, the last step that it has made, and what laws and
+/// observers read inside it.
 #pragma once
 
 #include <memory>
 #include <string>
 
 #include "machine_code/kernel_library.h"
-#include "motion/exchange.h"
 #include "motion/motion_inputs.h"
 #include "motion/motion_past.h"
 #include "motion_program/motion_steps.h"
+#include "variator_sim/sample.h"
+#include "variator_sim/types.h"
 
 namespace variator_sim {
+
+/// The numbers that a motion and its program tell each other, with their arrays.
+struct Exchange : vs_exchange {
+  static constexpr int kMostRows = kMaxConstraints + kMaxHolds;
+
+  Exchange() : vs_exchange{} {
+    state = states_;
+    multiplier = multipliers_;
+    reaction = reactions_;
+    longest = longests_;
+    input = inputs_;
+    hold = holds_;
+    armed = armeds_;
+  }
+  Exchange(const Exchange&) = delete;
+  Exchange& operator=(const Exchange&) = delete;
+
+ private:
+  double states_[3 * kMaxShafts] = {};
+  double multipliers_[kMostRows] = {};
+  double reactions_[kMaxShafts] = {};
+  double longests_[kMostRows] = {};
+  vs_exchanged_signal inputs_[kMaxInputs] = {};
+  vs_exchanged_hold holds_[kMaxHolds] = {};
+  int armeds_[kMaxEvents] = {};
+};
 
 /// All are [loop] but construction, descriptions and code.
 class SteppedProgram {
@@ -18,10 +46,10 @@ class SteppedProgram {
   /// The kinds of beginnings (host.h).
   enum class Begin { kSaved, kStart, kWritten };
 
-  /// `inputs` has to outlive this.
-  SteppedProgram(std::shared_ptr<const MotionProgram> program, const MotionInputs& inputs);
+  /// Both have to outlive this.
+  SteppedProgram(const Scene& scene, const MotionInputs& inputs);
 
-  const MotionProgram& text() const { return *program_; }
+  const MotionProgram& text() const { return program_; }
   const MotionPast& past() const { return past_; }
   MotionPast& past() { return past_; }
 
@@ -38,12 +66,23 @@ class SteppedProgram {
   /// Writes the state at the end of the last step to `it`.
   void leave() { host_->leave(&it); }
   void leave(Exchange* to) { host_->leave(to); }
-  /// Writes what is seen `at` s behind the start of the last step.
-  scene_status see(double at, vs_seen* to) { return host_->see(at, to); }
   /// Returns the work of the applied torques up to there, J, and that of their magnitudes.
   double calcWork(double at, double* through) { return host_->calcWork(at, through); }
   /// Writes the rows of C there.
-  void look(double at, double* entries) { host_->look(at, entries); }
+  void writeRows(double at, double* entries) { host_->look(at, entries); }
+  /// Writes the sample there, and its jerks unless that is null. Later views have the values that
+  /// formulas read beside the shafts from it.
+  scene_status look(double at, Sample* sample, double* jerk = nullptr);
+  /// Returns the kinetic energy of the last look, J.
+  double kinetic() const { return kinetic_; }
+  /// Returns the view of a state (angles, velocities, accelerations) at a time, with the inputs
+  /// there; valid until the next one.
+  StateView view(const double* state, double time) {
+    const int S = scene_.shaftCount();
+    return view(time, state, state + S, state + 2 * S);
+  }
+  StateView view(double time, const double* angle, const double* velocity,
+                 const double* acceleration);
 
   /// False: the motion begins at `it`.
   bool hasStep() const { return has_step_; }
@@ -56,17 +95,21 @@ class SteppedProgram {
   double insideStep(double at) const { return (at - begin_) - begin_rest_; }
   /// True where implicit steps are made.
   bool isImplicit() const {
-    return (it.choice.method != 0 || program_->BY_STAGES != 0) && !program_->isExplicit();
+    return (it.choice.method != 0 || program_.BY_STAGES != 0) && !program_.isExplicit();
   }
 
   const char* stepperName() const;
   std::string describeStepper(std::uint64_t switches) const;
   std::vector<std::string> skips() const;
 
-  /// Loads machine code; returns "" or why there is none.
-  std::string loadCode(KernelLibrary::Missing missing, bool* compiled);
-  /// Uses the machine code of `other`, if its scene differs in numbers alone. False if it does not.
+  /// Loads machine code, as Simulation describes it; false if there is none.
+  bool loadCode(bool compile, bool patiently);
+  /// Uses the machine code of `other`, if its scene differs in numbers alone. False if there is
+  /// none.
   bool shareCode(const SteppedProgram& other);
+  bool hasCode() const { return library_ != nullptr; }
+  /// Returns "machine code, ..", or why there is none.
+  const std::string& code() const { return code_; }
 
  private:
   /// Steps between two beginnings: there code that was loaded meanwhile takes over, so that no bit
@@ -79,8 +122,9 @@ class SteppedProgram {
   void beginAnew();
   bool use(const std::shared_ptr<KernelLibrary>& library);
 
-  const std::shared_ptr<const MotionProgram> program_;
+  const Scene& scene_;
   const MotionInputs& inputs_;
+  const MotionProgram program_;
   MotionPast past_;
   std::unique_ptr<HostedMotion> host_;
   std::unique_ptr<HostedMotion> next_host_;  ///< takes over at the next beginning, or null
@@ -89,6 +133,14 @@ class SteppedProgram {
   double begin_ = 0.0;                       ///< start of the last step, s
   double begin_rest_ = 0.0;                  ///< the part of it that a double rounds off
   bool has_step_ = false;
+  std::string code_ = "the interpreter";
+  double kinetic_ = 0.0;
+  double seen_input_[3 * kMaxInputs] = {};           ///< the value, u' and u'' of each
+  double input_value_[kMaxInputs + kMaxHolds] = {};  ///< and sides of elements that hold
+  double input_rate_[kMaxInputs + kMaxHolds] = {};
+  double input_second_rate_[kMaxInputs + kMaxHolds] = {};
+  HeldElement held_[kMaxHolds];
+  double held_value_[3 * kMaxHolds] = {};  ///< for formulas
 };
 
 }  // namespace variator_sim

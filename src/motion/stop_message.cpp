@@ -124,7 +124,7 @@ std::string StopMessage::findBranch() {
     double values[3 * kMaxShafts];
     motion_.stops.goAhead(side * reach, values);
     const double* const arguments_there =
-        tape.evaluate(motion_.observation.view(values, program_.front() + side * reach));
+        tape.evaluate(program_.view(values, program_.front() + side * reach));
     for (std::size_t n = 0; n < branches.size(); ++n) {
       signs[side + 1].push_back((arguments_there[n] > 0.0) - (arguments_there[n] < 0.0));
     }

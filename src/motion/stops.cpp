@@ -35,7 +35,7 @@ StopSearch::StopSearch(Motion& motion)
 void StopSearch::explain() {
   const double front = program_.front();
   lookAtFront();
-  const StateView state = motion_.observation.view(program_.it.state, front);
+  const StateView state = program_.view(program_.it.state, front);
   if (motion_.quantities.isInertiaLost(state))
     motion_.status.reason = StopReason::kIndefiniteInertia;
   switch (motion_.status.reason) {
@@ -66,7 +66,7 @@ void StopSearch::explain() {
 
 void StopSearch::lookAtFront() {
   Sample unused;
-  motion_.observation.look(std::numeric_limits<double>::infinity(), &unused, slope_ + 2 * S);
+  program_.look(std::numeric_limits<double>::infinity(), &unused, slope_ + 2 * S);
   std::copy_n(program_.it.state + S, 2 * S, slope_);
 }
 
@@ -130,10 +130,8 @@ bool StopSearch::followAhead(double h, double* values, double* multipliers) {
   const double front = program_.front();
   double* const epsilon = values + 2 * S;
   std::copy_n(program_.it.state + 2 * S, S, epsilon);
-  motion_.beginning.search()->calcMultipliers(motion_.observation.view(program_.it.state, front),
-                                              multipliers);
-  return motion_.beginning.search()->follow(motion_.observation.view(values, front + h), epsilon,
-                                            multipliers);
+  motion_.beginning.search()->calcMultipliers(program_.view(program_.it.state, front), multipliers);
+  return motion_.beginning.search()->follow(program_.view(values, front + h), epsilon, multipliers);
 }
 
 bool StopSearch::findFaultAhead() {
@@ -148,7 +146,7 @@ bool StopSearch::findFaultAhead() {
     double multipliers[kMaxShafts] = {};
     const bool is_solved = !follows || followAhead(h, values, multipliers);
     if (!is_solved) std::fill_n(values + 2 * S, S, std::numeric_limits<double>::quiet_NaN());
-    if (findBadValue(motion_.observation.view(values, front + h))) return true;
+    if (findBadValue(program_.view(values, front + h))) return true;
     if (is_solved) continue;
     motion_.status.reason = StopReason::kProjectionFailed;
     return true;
@@ -165,7 +163,7 @@ bool StopSearch::doSolutionsMeet() {
   const int K = scene_.constraintCount();
   const MotionProgram& text = program_.text();
   if (text.IS_CLASSICAL == 0 || text.HOLDS > 0 || K == 0 || K >= S) return false;
-  const StateView state = motion_.observation.view(program_.it.state, program_.front());
+  const StateView state = program_.view(program_.it.state, program_.front());
   const DenseMatrix J = motion_.quantities.calcInertia(state);
   DenseVector r = DenseVector::Zero(S);
   for (int i = 0; i < S; ++i) r(i) = std::cos(i + 1.0);  // of no special direction
