@@ -93,6 +93,7 @@ struct Motion {
   /// Stops at `at`, s, or at the end of the last step, where it finds out why.
   void stop(StopReason reason, double at);
   void stop(scene_status why);
+
   const Scene scene;
   MotionInputs inputs;
   SteppedProgram program;

@@ -171,7 +171,6 @@ void SteppingLoop::serveStep() {
 
 void SteppingLoop::serveState() {
   applyCommands();
-  quiet_until_ = 0;
   if (simulation_.status().ok()) {
     const std::int64_t shown = sampleTime();
     answer_.message = request_.visit(simulation_);

@@ -168,14 +168,11 @@ void SteppingLoop::applySettings() {
 
 void SteppingLoop::tick() {
   if (!moveToTick()) return;
-  const bool has_sample = samples_due_.isDue(pacer_) && areSamplesWanted();
-  if (!isQuiet() || has_sample || commands_.read_available() > 0) {
-    catchUp();
-    if (noticeStop()) return;
-    // Commands that arrived since the last tick take effect now, never before their arrival.
-    applyCommands();
-    if (has_sample) pushSample();
-  }
+  catchUp();
+  if (noticeStop()) return;
+  // Commands that arrived since the last tick take effect now, never before their arrival.
+  applyCommands();
+  if (samples_due_.isDue(pacer_) && areSamplesWanted()) pushSample();
   // A followed clock may stand, so there slices end without ticks.
   if (followed_) return;
   if (pacer_.isPaced()) lateness_.add(pacer_.lateness());
@@ -190,7 +187,6 @@ bool SteppingLoop::moveToTick() {
   if (passed <= static_cast<double>(left)) return true;
   catchUp();
   if (simulation_.status().ok()) simulation_.exhaustTime();
-  quiet_until_ = 0;
   noticeStop();
   return false;
 }
@@ -204,11 +200,6 @@ void SteppingLoop::catchUp() {
     constexpr double kRounding = 1e-3;                          // ns
     present_ = static_cast<std::int64_t>(simulation_.time() * kNanosecondsPerSecond + kRounding);
   }
-  // Stay well before the end, so that events there occur at a tick that advances the simulation.
-  constexpr std::int64_t kMargin = 10;
-  const double end = simulation_.quietUntil() * kNanosecondsPerSecond;
-  quiet_until_ = end < static_cast<double>(kLastInstant) ? static_cast<std::int64_t>(end) - kMargin
-                                                         : kLastInstant;
 }
 
 void SteppingLoop::passOverRest() {
@@ -269,7 +260,6 @@ void SteppingLoop::applyCommand(const InputCommand& command) {
     simulation_.command(command.input, std::numeric_limits<double>::quiet_NaN());
     return;
   }
-  quiet_until_ = 0;  // it takes effect at the next advance
   const bool was_clamped = !std::isnan(simulation_.firstClampedCommand(command.input));
   const CommandResult result = simulation_.command(command.input, command.value);
   if (result == CommandResult::kRefused || (result == CommandResult::kClamped && !was_clamped)) {
@@ -283,7 +273,6 @@ void SteppingLoop::resetMotion(bool reset_time) {
   offset_ = reset_time ? 0 : sampleTime();
   present_ = 0;
   simulation_.reset();
-  quiet_until_ = 0;
   stop_noticed_ = false;
   anchor();
   pushSample();
@@ -320,7 +309,6 @@ std::string SteppingLoop::describeStop() {
 bool SteppingLoop::noticeStop() {
   if (stop_noticed_ || simulation_.status().ok()) return false;
   stop_noticed_ = true;
-  quiet_until_ = 0;  // a sample may have ended the motion
   pushSample();
   pushSnapshot(true);
   return true;

@@ -30,11 +30,6 @@ namespace variator_sim {
 ///
 /// A command takes effect at the first tick after its arrival; while paused, at the present.
 ///
-/// A tick whose instant lies inside a step already made moves the current time alone: the
-/// simulation follows when a sample, a command or the status needs it, or the next step is due.
-/// Steps, stops and samples are the same; but code and data that have left the processor's caches
-/// since the last tick are not reloaded for nothing.
-///
 /// While the motion sleeps, only ticks with a sample or a status are needed: the thread waits for
 /// the next of these, or for a wake-up, and skips the ticks between. A tick only moves the current
 /// time of a sleeping motion, so times, samples and commands are those of a loop that makes every
@@ -125,11 +120,8 @@ class SteppingLoop {
   bool areSamplesWanted() const { return wanted().reset(kEvents).any(); }
   bool isStopping() const { return stopping_.load(std::memory_order_relaxed); }
   bool isIdle() const {
-    return paused_ || !clock_started_ || is_preparing_ ||
-           (!isQuiet() && !simulation_.status().ok());
+    return paused_ || !clock_started_ || is_preparing_ || !simulation_.status().ok();
   }
-  /// True while ticks need not advance the simulation, see Simulation::quietUntil.
-  bool isQuiet() const { return present_ < quiet_until_; }
   bool isCalled() const;
   /// Returns whether the stepping thread has to end an advance of the motion early.
   bool hasToYield();
@@ -144,8 +136,8 @@ class SteppingLoop {
   void tick();
   /// Returns false, and stops the motion, when simulated time ends before.
   bool moveToTick();
-  /// Advances the simulation to the current time, which ticks may have moved alone. An interruption
-  /// sets the current time back to that of the motion.
+  /// Advances the simulation to the current time. An interruption sets that back to the time of the
+  /// motion.
   void catchUp();
   /// At rest: waits until a tick is needed and skips those before it.
   void passOverRest();
@@ -224,7 +216,6 @@ class SteppingLoop {
   std::uint64_t lost_seen_ = 0;   ///< events
   std::int64_t offset_ = 0;       ///< sample time minus the scene's time, ns
   std::int64_t present_ = 0;      ///< the scene's time, ns
-  std::int64_t quiet_until_ = 0;  ///< likewise, see isQuiet
   std::int64_t anchor_ = 0;       ///< the scene's time at tick 0, ns
   std::int64_t moment_ = 0;       ///< when the last tick was due, ns on the clock
 
