@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "io/text_file.h"
-#include "io/whole_file.h"
 #include "motion_program/c_text.h"
 #include "motion_program/motion_program.h"
 #include "variator_sim/errors.h"

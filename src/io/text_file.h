@@ -1,3 +1,4 @@
+/// Reads and writes whole files.
 #pragma once
 
 #include <cerrno>
@@ -26,6 +27,14 @@ inline std::string readTextFile(const std::string& path, std::string* text,
   if (file.eof() && !file.bad()) return "";
   return errno != 0 ? std::generic_category().message(errno) : "unknown cause";
 }
+
+/// Writes `text` beside the file and renames it once all of it is on the disk: before, an old file
+/// stays as it is. Links are followed; a device, a FIFO or a socket is written to and never
+/// replaced. Returns "" or why it cannot be written.
+std::string writeWholeFile(const std::string& path, const std::string& text);
+
+/// Writes all bytes to `file`. Returns false on failure, with the reason in errno.
+bool writeBytes(int file, const char* data, std::size_t size);
 
 /// Returns a checksum of a text in 16 hexadecimal digits (FNV-1a).
 inline std::string checksumOf(const std::string& text,

@@ -16,8 +16,8 @@
 #include <system_error>
 #include <utility>
 
+#include "io/text_file.h"
 #include "model/number_text.h"
-#include "text_file.h"
 
 namespace variator_sim {
 namespace {

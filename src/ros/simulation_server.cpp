@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "model/thrown.h"
-#include "ros/live_settings.h"
 #include "ros/nanoseconds.h"
 #include "ros/poll_thread_task.h"
 #include "variator_sim/interruption.h"

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "io/whole_file.h"
+#include "io/text_file.h"
 #include "tools/sample_writer.h"
 #include "variator_sim/simulation.h"
 
