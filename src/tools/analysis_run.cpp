@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <fstream>
 #include <limits>
 #include <memory>
 
 #include "model/number_text.h"
+#include "motion/culprit.h"
 #include "tools/analysis_text.h"
 #include "tools/sample_writer.h"
 #include "variator_sim/interruption.h"
@@ -52,12 +52,10 @@ bool advanceToRest(Simulation& simulation, OfflineRun& run, double end) {
 std::string explainUnrest(Simulation& simulation) {
   const Scene& scene = simulation.scene();
   std::vector<std::string> readers;
-  const auto note = [&readers](const char* kind, const Law& law) {
-    const bool reads = expression::reads(law.graph(), law.formulas(), expression::Source::kTime);
-    if (reads) readers.push_back(kind + inQuotes(law.name()));
-  };
-  for (const TorquePtr& torque : scene.torques) note("torque ", *torque);
-  for (const ConstraintPtr& row : scene.constraints) note("constraint ", *row);
+  for (const Law* const law : scene.laws()) {
+    if (expression::reads(law->graph(), law->formulas(), expression::Source::kTime))
+      readers.push_back(describe(*law));
+  }
   std::string text = "no rest until " + formatNumber(simulation.time()) + " s: ";
   if (!scene.solver.sleep) return text + "'solver/sleep: false' allows none";
   if (isFixedStep(scene.solver.stepper)) return text + "steppers with fixed steps know none";
@@ -85,25 +83,24 @@ bool reachPoint(Simulation& simulation, const std::vector<TimedCommand>& command
   const auto runTo = [&](double end) {
     return OfflineRun(simulation, SampleTimes::at({}), commands, end);
   };
-  const auto tell = [&](std::string why) {
+  const auto fail = [&](std::string why) {
     if (!simulation.status().ok()) why = simulation.describeStatus();
     if (Interruption::isWanted()) why = "interrupted at " + formatNumber(simulation.time()) + " s";
-    std::fprintf(stderr, "simulate: %s\n", why.c_str());
+    tell(why);
     return false;
   };
   if (options.at == "rest") {
     const double end = options.duration > 0.0 ? options.duration : kPatience;
     OfflineRun run = runTo(end);
     if (!advanceToRest(simulation, run, end)) {
-      return tell(simulation.status().ok() ? explainUnrest(simulation)
-                                           : simulation.describeStatus());
+      return fail(simulation.status().ok() ? explainUnrest(simulation) : "");
     }
   } else if (readWhole(options.at, &time)) {
     if (!(time >= 0.0) || !std::isfinite(time)) throw UsageError("--at: must be at least 0 s");
     SampleBlock none;
     runTo(time).advanceBlock(kNever, none);
     simulation.sample();
-    if (!simulation.status().ok() || simulation.time() < time) return tell("");
+    if (!simulation.status().ok() || simulation.time() < time) return fail("");
   } else if (isInline(options.at)) {
     *point =
         readOperatingPoint(readYamlText(toFlow(options.at), "--at"), simulation.scene(), "--at");
@@ -171,7 +168,7 @@ bool runTrim(const Scene& scene, const SimulateOptions& options) {
     wanted.free.push_back(readChoice("--free", text, false));
   }
   const TrimResult result = trim(scene, wanted);
-  std::fprintf(stderr, "simulate: %s\n", result.message.c_str());
+  tell(result.message);
   if (result.states.empty()) return false;
   std::string text;
   for (const TrimState& state : result.states) {
@@ -287,7 +284,7 @@ bool runBeside(const std::string& name, Scene scene, const std::vector<TimedComm
   bool is_least = true;
   if (watch) writeOutput("", watch->describe(&is_least));
   if (simulation.status().ok()) return true;
-  std::fprintf(stderr, "simulate: %s: %s\n", name.c_str(), simulation.describeStatus().c_str());
+  tell(name + ": " + simulation.describeStatus());
   return false;
 }
 
@@ -309,10 +306,9 @@ bool comparePrinciples(const Simulation& simulation, const std::vector<TimedComm
                                         [](const ConstraintPtr& it) { return it->readsInputs(); });
   if (reads_inputs || !scene.holdNames().empty() || scene.hasMemory() ||
       !scene.inertia_formulas.empty()) {
-    std::fputs(
-        "simulate: note: [18] is left out: it knows neither elements that hold, states, events "
-        "and inertias by formulas, nor constraints that read inputs\n",
-        stderr);
+    tell(
+        "note: [18] is left out: it knows neither elements that hold, states, events and inertias "
+        "by formulas, nor constraints that read inputs");
     return all_end;
   }
   // [18]: the constraints in their form of order 3, from accelerations whose reaction is in

@@ -14,13 +14,17 @@
 #include <system_error>
 #include <thread>
 
-#include "io/whole_file.h"
+#include "io/text_file.h"
 #include "variator_sim/interruption.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/message_text.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
+
+void tell(const std::string& message) {
+  std::fprintf(stderr, "simulate: %s\n", message.c_str());
+}
 
 void failedToWrite(const std::string& name) {
   const int error = errno;

@@ -22,6 +22,9 @@ class OutputClosed : public OutputError {
   using OutputError::OutputError;
 };
 
+/// Tells the user of something, on standard error.
+void tell(const std::string& message);
+
 /// Throws OutputClosed or OutputError for the output `name`, whose writing has failed with errno.
 [[noreturn]] void failedToWrite(const std::string& name);
 

@@ -7,7 +7,6 @@
 #include <csignal>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <exception>
 #include <limits>
 #include <memory>
@@ -18,6 +17,7 @@
 
 #include "emit_c/emit_c.h"
 #include "emit_fmu/emit_fmu.h"
+#include "model/number_text.h"
 #include "model/thrown.h"
 #include "ros/plugin_loader.h"
 #include "tools/analysis_run.h"
@@ -162,10 +162,7 @@ class MachineCodeChoice {
   }
 
  private:
-  void warn() const {
-    std::fprintf(stderr, "simulate: note: formulas are run by %s\n",
-                 simulation_.machineCode().c_str());
-  }
+  void warn() const { tell("note: formulas are run by " + simulation_.machineCode()); }
   Simulation& simulation_;
   bool is_decided_ = false;
 };
@@ -183,8 +180,7 @@ int finish(Simulation& simulation, OfflineRun& offline_run, const SimulateOption
     if (const MotionState* state = offline_run.savedState()) {
       writeStateFile(options.save_state_path, *state, simulation);
     } else {
-      std::fprintf(stderr, "simulate: the motion has stopped: no state is saved in %s\n",
-                   inQuotes(options.save_state_path).c_str());
+      tell("the motion has stopped: no state is saved in " + inQuotes(options.save_state_path));
     }
   }
   if (!options.events_path.empty()) {
@@ -192,11 +188,10 @@ int finish(Simulation& simulation, OfflineRun& offline_run, const SimulateOption
   }
   if (!options.until_rest || !simulation.status().ok() || g_signal != 0) return kSuccess;
   if (offline_run.rest().isReached()) {
-    std::fprintf(stderr, "simulate: at rest since %.6g s\n", offline_run.rest().since());
+    tell(printed("at rest since %.6g s", offline_run.rest().since()));
     return kSuccess;
   }
-  std::fprintf(stderr, "simulate: not at rest by the end of the duration, at %.6g s\n",
-               simulation.time());
+  tell(printed("not at rest by the end of the duration, at %.6g s", simulation.time()));
   return kNoRest;
 }
 
@@ -205,29 +200,26 @@ int report(Simulation& simulation, OfflineRun& offline_run, const SimulateOption
            bool reader_has_gone, int exit_status) {
   if (offline_run.refusedCount() > 0) {
     const TimedCommand& first = offline_run.firstRefused();
-    std::fprintf(
-        stderr, "simulate: warning: %llu commands refused, not finite; the first: %s:%d, on '%s'\n",
-        static_cast<unsigned long long>(offline_run.refusedCount()),
-        escaped(options.commands_path, 300).c_str(), first.line, escaped(first.topic, 300).c_str());
+    tell("warning: " + std::to_string(offline_run.refusedCount()) +
+         " commands refused, not finite; the first: " + escaped(options.commands_path, 300) + ":" +
+         std::to_string(first.line) + ", on '" + escaped(first.topic, 300) + "'");
   }
   if (!simulation.status().ok()) {
-    std::fprintf(stderr, "simulate: %s\n", simulation.describeStatus().c_str());
+    tell(simulation.describeStatus());
     if (exit_status == kSuccess) exit_status = kStopped;
   } else if (g_signal != 0) {
-    std::fprintf(stderr, "simulate: interrupted at %.6g s\n", simulation.time());
+    tell(printed("interrupted at %.6g s", simulation.time()));
     exit_status = kSignalBase + g_signal;
   }
   try {
     const int finish_status = finish(simulation, offline_run, options);
     if (exit_status == kSuccess) exit_status = finish_status;
   } catch (const OutputError& error) {
-    std::fprintf(stderr, "simulate: %s\n", error.what());
+    tell(error.what());
     exit_status = kBadOutput;
   }
   if (!reader_has_gone) {
-    for (const std::string& doubt : describeDoubts(simulation)) {
-      std::fprintf(stderr, "simulate: warning: %s\n", doubt.c_str());
-    }
+    for (const std::string& doubt : describeDoubts(simulation)) tell("warning: " + doubt);
   }
   return exit_status;
 }
@@ -281,7 +273,7 @@ int run(Simulation& simulation, OfflineRun& offline_run, SampleWriter* writer,
     reader_has_gone = true;  // the reader closed it on purpose, so no message
   } catch (const OutputError& error) {
     progress.clear();
-    std::fprintf(stderr, "simulate: %s\n", error.what());
+    tell(error.what());
     exit_status = kBadOutput;
   }
   progress.clear();
@@ -345,8 +337,7 @@ int emitFmu(Simulation& simulation, const SimulateOptions& options) {
   try {
     runPythonFile("fmu_archive.py", options.emit_fmu_path, description);
   } catch (const Interrupted&) {
-    std::fprintf(stderr, "simulate: interrupted; %s is not written\n",
-                 inQuotes(options.emit_fmu_path).c_str());
+    tell("interrupted; " + inQuotes(options.emit_fmu_path) + " is not written");
     return kSignalBase + g_signal;
   }
   return kSuccess;
@@ -374,7 +365,7 @@ int runChecked(Simulation& simulation, OfflineRun& offline_run, const SimulateOp
   writeOutput("", watch.describe(&is_least));
   if (!options.curves_path.empty()) writeOutput(options.curves_path, watch.curves());
   if (is_least) return status;
-  std::fputs("simulate: the motion is not the one of least Z\n", stderr);
+  tell("the motion is not the one of least Z");
   return status == kSuccess ? kNotLeast : status;
 }
 
@@ -390,7 +381,7 @@ int runDifferentiated(Simulation& simulation, OfflineRun& offline_run,
   const int status =
       run(simulation, offline_run, makeWriter(simulation, options, columns).get(), options, span);
   if (sensitivity.stop().empty()) return status;
-  std::fprintf(stderr, "simulate: %s\n", sensitivity.stop().c_str());
+  tell(sensitivity.stop());
   return status == kSuccess ? kStopped : status;
 }
 
@@ -415,8 +406,7 @@ int runSamples(Simulation& simulation, const SimulateOptions& options) {
   }
   const auto note = [](std::size_t count, const char* where, double time) {
     if (count == 0) return;
-    std::fprintf(stderr, "simulate: note: %zu commands lie %s (%.6g s) and are ignored\n", count,
-                 where, time);
+    tell(printed("note: %zu commands lie %s (%.6g s) and are ignored", count, where, time));
   };
   note(offline_run.ignoredCount(), "after the end", span.end);
   note(offline_run.pastCount(), "before the state", span.begin);
@@ -438,13 +428,11 @@ int runSimulate(const std::vector<std::string>& words) {
     if (!path.empty()) checkWritable(path);
   }
   Simulation simulation = loadSimulation(options);
-  for (const std::string& warning : simulation.scene().warnings) {
-    std::fprintf(stderr, "simulate: warning: %s\n", warning.c_str());
-  }
+  for (const std::string& warning : simulation.scene().warnings) tell("warning: " + warning);
   if (options.compile) {
     g_work = kWriting;
     const bool is_loaded = simulation.loadMachineCode(true, /*patiently=*/true);
-    std::fprintf(stderr, "simulate: formulas are run by %s\n", simulation.machineCode().c_str());
+    tell("formulas are run by " + simulation.machineCode());
     if (!is_loaded && g_signal != 0) return kSignalBase + g_signal;
     return is_loaded ? kSuccess : kBadOutput;
   }
@@ -473,18 +461,18 @@ int main(int argc, char** argv) {
   try {
     return runSimulate({argv + 1, argv + argc});
   } catch (const UsageError& error) {
-    std::fprintf(stderr, "simulate: %s\nTry: simulate --help\n", error.what());
+    tell(std::string(error.what()) + "\nTry: simulate --help");
     return kBadUsage;
   } catch (const OutputClosed&) {
     return kSuccess;
   } catch (const OutputError& error) {
-    std::fprintf(stderr, "simulate: %s\n", error.what());
+    tell(error.what());
     return kBadOutput;
   } catch (const std::bad_alloc&) {
-    std::fputs("simulate: this takes more memory than there is\n", stderr);
+    tell("this takes more memory than there is");
     return kBadUsage;
   } catch (...) {
-    std::fprintf(stderr, "simulate: %s\n", describeThrown().c_str());
+    tell(describeThrown());
     return g_signal != 0 ? kSignalBase + g_signal : kBadUsage;
   }
 }
