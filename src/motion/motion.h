@@ -3,35 +3,8 @@
 /// The scene's program (src/runtime) finds the state that it begins with and makes all steps,
 /// freely ahead of the current time; the current time lies in the last one. Samples are taken from
 /// inside that step and commands cut it, so that no sampling rate, tick or advance changes one bit
-/// of the motion:
-///
-///     command(input, value):
-///       clamp it; it waits with the others of this time
-///
-///     settle(), before the current time moves and before the state is read there:
-///       no command waits?        done
-///       before the first advance: commands are initial values; start anew
-///       cut the last step at the current time
-///       inputs take their new closed forms; those that jump do so together, by the jump map
-///       steps begin anew from there
-///
-///     advanceTo(time):
-///       settle
-///       for every timeout on the way, then to `time`:
-///         while the last step ends before it: one step more, or the end of a sleep
-///         the current time moves there
-///         a timeout's command acts: settle
-///
-///     sample():
-///       the current state, from inside the last step; everything published from it
-///
-///     reset():
-///       the state at time 0 again, with the inputs as the scene has them
-///
-///     saveState():
-///       settle
-///       cut the last step at the current time
-///       continue from there, as a motion restored from the state does
+/// of the motion. Commands wait for `settle`, which comes before the current time moves and before
+/// the state is read: those before the first advance are initial values.
 #pragma once
 
 #include <memory>
