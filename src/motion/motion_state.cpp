@@ -128,8 +128,7 @@ void readHolding(ParameterReader& from, const Scene& scene, MotionState::History
     const auto mode = static_cast<int>(values[0]);
     if (mode < -3 || mode > 3 || mode == -2 || mode != values[0]) {
       throw SceneError(reader.keyPath(name),
-                       "begins with no mode; allowed: -1, 0, 1 or 2, and of "
-                       "losses 3 and -3");
+                       "begins with no mode; allowed: -1, 0, 1 or 2, and of losses 3 and -3");
     }
     *held++ = {mode, values[1] != 0.0 ? 1 : 0, values[2], values[3]};
     history->multiplier[row] = values[4];

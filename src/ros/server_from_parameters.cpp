@@ -106,8 +106,7 @@ std::string explainLeftOver(const std::string& message, const std::string& place
     return "";
   }
   return "\n(rosparam merges what is set or loaded with what is there: keys of an earlier scene "
-         "stay "
-         "until 'rosparam delete " +
+         "stay until 'rosparam delete " +
          place + "')";
 }
 

@@ -45,8 +45,7 @@ void checkTime(double time) {
   if (nearest == time) return;
   throw SceneError("time",
                    formatNumber(time) +
-                       " s; allowed: whole nanoseconds, as the node keeps time; the nearest "
-                       "is " +
+                       " s; allowed: whole nanoseconds, as the node keeps time; the nearest is " +
                        formatNumber(nearest) + " s");
 }
 

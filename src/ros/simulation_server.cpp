@@ -212,8 +212,7 @@ void SimulationServer::setUpClock() {
     if (ros::Time::isSystemTime()) {
       ROS_WARN(
           "%s: publish_clock is true, but /use_sim_time is not: other nodes stay on the wall "
-          "clock. "
-          "Set /use_sim_time before they start.",
+          "clock. Set /use_sim_time before they start.",
           name.c_str());
     }
     const std::vector<std::string> others = listOtherClocks();
@@ -221,8 +220,7 @@ void SimulationServer::setUpClock() {
       ROS_WARN(
           "%s: publish_clock is true, and /clock is published by %s, too: nodes that follow it are "
           "set back again and again. Only one node may publish it: leave publish_clock out here, "
-          "or "
-          "end the other one.",
+          "or end the other one.",
           name.c_str(), join(others, ", ").c_str());
     }
   } else if (role_ == ClockRole::kFollower) {
@@ -247,8 +245,7 @@ void SimulationServer::receiveClock(std::int64_t time, const std::string& publis
       two_clocks_told_ = true;
       ROS_WARN(
           "%s: /clock comes from %s and from %s: the motion starts anew whenever one sets the "
-          "other "
-          "back. Only one node may publish it.",
+          "other back. Only one node may publish it.",
           private_handle_.getNamespace().c_str(), earlier.c_str(), publisher.c_str());
     }
   }
@@ -368,8 +365,8 @@ void SimulationServer::publishEvents() {
   if (lost == 0 || lost_events_told_) return;
   lost_events_told_ = true;
   ROS_WARN(
-      "%s: %llu events were lost: more came between two samples than are kept, or than could "
-      "be published; this is told once",
+      "%s: %llu events were lost: more came between two samples than are kept, or than could be "
+      "published; this is told once",
       private_handle_.getNamespace().c_str(), static_cast<unsigned long long>(lost));
 }
 

@@ -143,12 +143,11 @@ void readStateFile(const std::string& path, Simulation& simulation) {
 
 void writeStateFile(const std::string& path, const MotionState& state,
                     const Simulation& simulation) {
-  writeOutput(
-      path,
-      "# The state of a motion: s, rad, rad/s, rad/s^2, N m, J. What is left out when it is read "
-      "is\n"
-      "# as the scene has it; without 'history' the motion starts there anew.\n" +
-          toYaml(toTree(state, simulation.scene())));
+  writeOutput(path,
+              "# The state of a motion: s, rad, rad/s, rad/s^2, N m, J. What is left out when it "
+              "is read is\n"
+              "# as the scene has it; without 'history' the motion starts there anew.\n" +
+                  toYaml(toTree(state, simulation.scene())));
 }
 
 }  // namespace variator_sim

@@ -281,8 +281,7 @@ SimulateOptions parseSimulateOptions(const std::vector<std::string>& words) {
   options.columns.energy = options.columns.energy || adds_energy;
   if (options.estimate_errors && !options.columns.state) {
     throw UsageError(
-        "--error: its columns stand beside those of the group 'state', which --columns "
-        "leaves out");
+        "--error: its columns stand beside those of the group 'state', which --columns leaves out");
   }
   options.columns.errors = options.estimate_errors;
   return options;
