@@ -24,6 +24,14 @@ bool isNear(const double* given, const double* found, int count) {
   return distance <= kConsistent * scale;
 }
 
+/// True where accelerations that follow from the state agree with given ones.
+bool agree(const double* given, const double* found, int count) {
+  for (int i = 0; i < count; ++i) {
+    if (!(std::abs(found[i] - given[i]) <= 1e-6 * std::max(1.0, std::abs(given[i])))) return false;
+  }
+  return true;
+}
+
 bool areFinite(const double* values, int count) {
   return std::all_of(values, values + count, [](double it) { return std::isfinite(it); });
 }
@@ -43,13 +51,6 @@ Beginning::Beginning(Motion& motion)
       S(scene_.shaftCount()),
       search_(searchesAccelerations(scene_) ? std::make_unique<LeastReactionSearch>(scene_)
                                             : nullptr) {}
-
-bool Beginning::agree(const double* given, const double* found, int count) {
-  for (int i = 0; i < count; ++i) {
-    if (!(std::abs(found[i] - given[i]) <= 1e-6 * std::max(1.0, std::abs(given[i])))) return false;
-  }
-  return true;
-}
 
 scene_status Beginning::findNear(Begin how, bool are_given, bool may_move) {
   misfit_ = {};

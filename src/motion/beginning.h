@@ -30,9 +30,6 @@ class Beginning {
   std::string describeFault(scene_status status);
   [[noreturn]] void throwFault(scene_status status);
 
-  /// True where accelerations that follow from the state agree with given ones.
-  static bool agree(const double* given, const double* found, int count);
-
  private:
   /// Why a motion cannot begin at given values, although the laws have finite values there.
   struct Misfit {

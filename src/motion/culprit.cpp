@@ -303,40 +303,6 @@ const Law* findOwner(const Scene& scene, expression::Node argument) {
   });
 }
 
-bool findNonFinite(const Scene& scene, StateView state, int* torque, int* constraint) {
-  static constexpr double kZeros[kMaxShafts] = {};
-  const int S = scene.shaftCount();
-  const auto isFinite = [S](const double* values) {
-    return std::all_of(values, values + S, [](double value) { return std::isfinite(value); });
-  };
-  const auto findTorque = [&](void (Torque::*add)(const StateView&, double*) const) {
-    for (std::size_t j = 0; j < scene.torques.size() && *torque < 0; ++j) {
-      double value[kMaxShafts] = {};
-      ((*scene.torques[j]).*add)(state, value);
-      if (!isFinite(value)) *torque = static_cast<int>(j);
-    }
-    return *torque >= 0;
-  };
-  *torque = -1;
-  *constraint = -1;
-  // The order of dependence is Q, the accelerations, psi, Q'. A law that reads accelerations which
-  // are not finite is a consequence of an earlier one.
-  if (findTorque(&Torque::addTorque)) return true;
-  if (!isFinite(state.acceleration)) state.acceleration = kZeros;
-  for (std::size_t m = 0; m < scene.constraints.size(); ++m) {
-    const Constraint& law = *scene.constraints[m];
-    double C[kMaxShafts];
-    double c0;
-    law.calcRow(state, C, &c0);
-    const bool is_finite = std::isfinite(c0) && isFinite(C) &&
-                           (law.order() == 3 || std::isfinite(law.calcResidual(state)));
-    if (is_finite) continue;
-    *constraint = static_cast<int>(m);
-    return true;
-  }
-  return findTorque(&Torque::addTorqueRate);
-}
-
 std::string findNonFinitePart(const Scene& scene, const Law& element, const StateView& state) {
   constexpr std::size_t kMost = 500;
   const int S = scene.shaftCount();

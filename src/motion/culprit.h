@@ -18,9 +18,6 @@ std::string assign(const std::string& path, double value);
 
 /// Returns the element whose formulas change their branch where `argument` passes 0, or null.
 const Law* findOwner(const Scene& scene, expression::Node argument);
-/// Finds the component whose value is not finite at `state`: first torques, then constraints.
-/// Returns false when all are finite. [loop]
-bool findNonFinite(const Scene& scene, StateView state, int* torque, int* constraint);
 /// Returns the part of an element's formulas that is not finite at `state`, or within the next
 /// 0.01 s, while its operands are: "sqrt(10 - w_load)"; "" for laws without formulas.
 std::string findNonFinitePart(const Scene& scene, const Law& element, const StateView& state);

@@ -44,8 +44,6 @@ struct Motion {
   void settle();
   /// See Simulation.
   double quietUntil() const;
-  bool isSleeping() const { return program.isStill() && scene.solver.sleep; }
-  bool takeModeEvent(ModeEvent* event) { return events.take(time, event); }
 
   /// Returns the current state without settling commands.
   Sample& sample();

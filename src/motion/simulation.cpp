@@ -43,7 +43,7 @@ double Simulation::quietUntil() const {
   return motion_->quietUntil();
 }
 bool Simulation::isSleeping() const {
-  return motion_->isSleeping();
+  return motion_->program.isStill() && motion_->scene.solver.sleep;
 }
 
 const MotionStatus& Simulation::advanceTo(double time) {
@@ -60,7 +60,7 @@ void Simulation::reset() {
 }
 
 bool Simulation::takeModeEvent(ModeEvent* event) {
-  return motion_->takeModeEvent(event);
+  return motion_->events.take(motion_->time, event);
 }
 void Simulation::keepModeEvents() {
   motion_->events.keepAll();

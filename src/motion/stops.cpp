@@ -7,7 +7,6 @@
 
 #include "dynamics/constraint_rows.h"
 #include "dynamics/dense.h"
-#include "motion/culprit.h"
 #include "motion/motion.h"
 
 namespace variator_sim {
@@ -78,11 +77,40 @@ double StopSearch::leastDistance() const {
   return 1e-14 * std::max(1.0, std::abs(program_.front()));
 }
 
-bool StopSearch::findBadValue(const StateView& state) {
-  if (!findNonFinite(scene_, state, &motion_.status.torque, &motion_.status.constraint))
+bool StopSearch::findBadValue(StateView state) {
+  static constexpr double kZeros[kMaxShafts] = {};
+  const auto isFinite = [this](const double* values) {
+    return std::all_of(values, values + S, [](double value) { return std::isfinite(value); });
+  };
+  MotionStatus& status = motion_.status;
+  status.torque = status.constraint = -1;
+  const auto blame = [&status](int* culprit, std::size_t index) {
+    *culprit = static_cast<int>(index);
+    status.reason = StopReason::kNonFiniteValue;
+    return true;
+  };
+  const auto findTorque = [&](void (Torque::*add)(const StateView&, double*) const) {
+    for (std::size_t j = 0; j < scene_.torques.size(); ++j) {
+      double value[kMaxShafts] = {};
+      ((*scene_.torques[j]).*add)(state, value);
+      if (!isFinite(value)) return blame(&status.torque, j);
+    }
     return false;
-  motion_.status.reason = StopReason::kNonFiniteValue;
-  return true;
+  };
+  // The order of dependence is Q, the accelerations, psi, Q'. A law that reads accelerations which
+  // are not finite is a consequence of an earlier one.
+  if (findTorque(&Torque::addTorque)) return true;
+  if (!isFinite(state.acceleration)) state.acceleration = kZeros;
+  for (std::size_t m = 0; m < scene_.constraints.size(); ++m) {
+    const Constraint& law = *scene_.constraints[m];
+    double C[kMaxShafts];
+    double c0;
+    law.calcRow(state, C, &c0);
+    const bool is_finite = std::isfinite(c0) && isFinite(C) &&
+                           (law.order() == 3 || std::isfinite(law.calcResidual(state)));
+    if (!is_finite) return blame(&status.constraint, m);
+  }
+  return findTorque(&Torque::addTorqueRate);
 }
 
 bool StopSearch::findLostRow(const StateView& state, int highest_order) {

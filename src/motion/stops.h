@@ -21,7 +21,7 @@ class StopSearch {
   void explain();
   /// Tell whether there is a law that is not finite at a state, or a row of C that has lost rank or
   /// nearly so, and write it to the motion's status. [loop]
-  bool findBadValue(const StateView& state);
+  bool findBadValue(StateView state);
   bool findLostRow(const StateView& state, int highest_order);
 
   /// Notes the rates of the 3 S values at the front.

@@ -5,6 +5,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <array>
 #include <exception>
 #include <memory>
 #include <optional>
@@ -23,20 +24,14 @@ namespace {
 
 py::dict statistics(PythonSimulation& self) {
   const Statistics& counts = self.get().statistics();
-  py::dict result;
-  result["steps"] = counts.steps;
-  result["rejected_steps"] = counts.rejected_steps;
-  result["right_hand_sides"] = counts.right_hand_sides;
-  result["projections"] = counts.projections;
-  result["newton_iterations"] = counts.newton_iterations;
-  result["implicit_steps"] = counts.implicit_steps;
-  result["jumps"] = counts.jumps;
-  result["sleeps"] = counts.sleeps;
-  result["commands_accepted"] = counts.commands_accepted;
-  result["commands_clamped"] = counts.commands_clamped;
-  result["commands_refused"] = counts.commands_refused;
-  result["command_timeouts"] = counts.command_timeouts;
-  return result;
+  return toDictionary(
+      std::array{"steps", "rejected_steps", "right_hand_sides", "projections", "newton_iterations",
+                 "implicit_steps", "jumps", "sleeps", "commands_accepted", "commands_clamped",
+                 "commands_refused", "command_timeouts"},
+      std::array{counts.steps, counts.rejected_steps, counts.right_hand_sides, counts.projections,
+                 counts.newton_iterations, counts.implicit_steps, counts.jumps, counts.sleeps,
+                 counts.commands_accepted, counts.commands_clamped, counts.commands_refused,
+                 counts.command_timeouts});
 }
 
 using CommandTuple = std::tuple<double, std::string, double>;
