@@ -113,7 +113,8 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
             role_ == ClockRole::kFollower ? static_cast<PacingClock&>(followed_clock_)
                                           : steady_clock_),
       quantities_(loop_.quantityCount()),
-      diagnostics_(public_handle_, private_handle_, scene_message_.constraints),
+      update_diagnostics_(
+          serveDiagnostics(public_handle_, private_handle_, scene_message_.constraints)),
       live_settings_(
           serveSettings(private_handle_, settings, role_ == ClockRole::kFollower, loop_)) {
   advertiseTopics();
@@ -340,7 +341,7 @@ void SimulationServer::runStatus() {
       next_status = now + kStatusPeriod;
     }
     if (now >= next_diagnostics) {
-      diagnostics_.update(snapshot_);
+      update_diagnostics_(snapshot_);
       next_diagnostics = now + kDiagnosticsPeriod;
     }
   }

@@ -139,7 +139,7 @@ class SimulationServer {
   std::array<ros::Publisher, Topics().size()> publishers_;  ///< by Topic
   ros::Publisher scene_publisher_;
   ros::Publisher status_publisher_;
-  Diagnostics diagnostics_;
+  std::function<void(const LoopSnapshot&)> update_diagnostics_;
 
   std::vector<ros::Subscriber> command_subscribers_;
   ros::Subscriber group_subscriber_;

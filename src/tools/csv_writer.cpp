@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "io/text_file.h"
 #include "tools/sample_writer.h"
@@ -30,18 +31,14 @@ class CsvWriter : public SampleWriter {
  public:
   CsvWriter(const std::string& path, const Simulation& simulation, const ColumnGroups& columns)
       : name_(path.empty() ? "standard output" : path), columns_(simulation, columns) {
-    if (path.empty()) {
-      file_ = STDOUT_FILENO;
-    } else {
-      file_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-      if (file_ < 0) failedToWrite(name_);
-      owns_file_ = true;
-    }
+    constexpr int kHow = O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC;
+    file_ = path.empty() ? ::dup(STDOUT_FILENO) : ::open(path.c_str(), kHow, 0666);
+    if (file_ < 0) failedToWrite(name_);
     const std::string header = join(columnTitles(columns_, simulation.scene()), ",") + "\n";
     writeAll(header.data(), header.size());
   }
   ~CsvWriter() override {
-    if (owns_file_) ::close(file_);
+    if (file_ >= 0) ::close(file_);
   }
 
   void write(const SampleBlock& block) override {
@@ -58,10 +55,8 @@ class CsvWriter : public SampleWriter {
   }
 
   void close() override {
-    if (!owns_file_) return;
-    owns_file_ = false;
     // Some file systems report a full disk only on close.
-    if (::close(file_) != 0) failedToWrite(name_);
+    if (::close(std::exchange(file_, -1)) != 0) failedToWrite(name_);
   }
 
  private:
@@ -79,7 +74,6 @@ class CsvWriter : public SampleWriter {
   Columns columns_;
   std::vector<double> rows_;
   int file_ = -1;
-  bool owns_file_ = false;
   std::vector<char> buffer_;
 };
 
