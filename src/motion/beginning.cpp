@@ -163,10 +163,10 @@ scene_status Beginning::beginWithFound(Begin how, bool are_given, Exchange* left
 scene_status Beginning::explainFault(scene_status status) {
   const StateView at = program_.view(program_.it.state, motion_.time);
   motion_.status.time = motion_.time;
-  if (motion_.stops.findBadValue(at)) return SCENE_NOT_FINITE;
+  if (motion_.findBadValue(at)) return SCENE_NOT_FINITE;
   // A rank is lost on psi = 0 only; elsewhere no start was found at all.
   const bool is_lost =
-      motion_.stops.findLostRow(at, 1) || (motion_.stops.findLostRow(at, 3) && isOnConstraints(at));
+      motion_.findLostRow(at, 1) || (motion_.findLostRow(at, 3) && isOnConstraints(at));
   if (is_lost) return SCENE_SINGULAR;
   motion_.status = MotionStatus{};
   const bool is_missed = status == SCENE_NOT_CONVERGED || status == SCENE_SINGULAR;

@@ -168,30 +168,6 @@ bool Motion::step() {
   return true;
 }
 
-// --- stops -----------------------------------------------------------------------------------
-
-void Motion::stop(StopReason reason, double at) {
-  status.reason = reason;
-  status.time = at;
-}
-
-void Motion::stop(scene_status why) {
-  const Exchange& it = program.it;
-  const double front = program.front();
-  stop(reasonOf(why), why == SCENE_NO_MODES ? std::max(it.stopped, front) : front);
-  program.leave();
-  if (why == SCENE_STEP_TOO_LARGE) {
-    status.measure = it.error * scene.solver.relative_tolerance;
-    return;
-  }
-  stops.explain();
-  // (Of accelerations that follow from the state: those of gauss.)
-  const bool is_lost = it.rounding > 1.0 && status.reason == StopReason::kStepUnderflow;
-  if (!is_lost || why != SCENE_TOO_MANY_STEPS) return;
-  status.reason = StopReason::kToleranceTooSmall;
-  status.measure = it.rounding;
-}
-
 // --- commands --------------------------------------------------------------------------------
 
 void Motion::settle() {

@@ -19,7 +19,6 @@
 #include "motion/progress.h"
 #include "motion/quantities.h"
 #include "motion/stepped_program.h"
-#include "motion/stops.h"
 #include "variator_sim/motion_state.h"
 #include "variator_sim/sample.h"
 #include "variator_sim/simulation.h"
@@ -64,13 +63,24 @@ struct Motion {
   /// Stops at `at`, s, or at the end of the last step, where it finds out why.
   void stop(StopReason reason, double at);
   void stop(scene_status why);
+  /// Tell whether there is a law that is not finite at a state, or a row of C that has lost rank or
+  /// nearly so, and write it to the status.
+  bool findBadValue(StateView state);
+  bool findLostRow(const StateView& state, int highest_order);
+  /// Notes the rates of the 3 S values at the end of the last step.
+  void lookAtFront();
+  /// Writes the values that these rates lead to `h` s ahead of it.
+  void goAhead(double h, double* values) const;
+  /// Returns the distance, s, at which a search ahead begins.
+  double leastDistance() const;
+  /// True where two solutions for the accelerations of `gauss` meet, behind which there are none.
+  bool doSolutionsMeet();
 
   const Scene scene;
   MotionInputs inputs;
   SteppedProgram program;
   const Quantities quantities;
   Beginning beginning;
-  StopSearch stops;
   EnergyBalance energy;
   ModeEvents events;
   Progress progress;
@@ -96,6 +106,10 @@ struct Motion {
   /// Begins the account of the energy at the current state.
   void beginEnergy();
   void noteEnergy();
+  /// Writes to the status why the motion stops at the end of the last step.
+  void explainStop();
+  /// Looks for a law that is not finite, or accelerations that end, just ahead.
+  bool findFaultAhead();
   /// Begins from a state of elsewhere.
   scene_status goOnFrom(const MotionState& state, bool may_move);
   /// True where a motion may go on from a saved state to the bit.
@@ -105,9 +119,12 @@ struct Motion {
   bool is_sample_valid_ = false;
   double quiet_until_ = -1.0;  ///< s: up to here nothing but the current time changes
   bool is_start_ = true;
+  double slope_[3 * kMaxShafts] = {};  ///< at the end of the last step
   double first_[3 * kMaxShafts] = {};  ///< the state in which the motion has begun
   std::vector<double> entries_;        ///< of C at the end of the last step, by rows
 };
+
+StopReason reasonOf(scene_status status);
 
 /// True where elements that hold, reactions beside the gradient, states, events, delays or an
 /// inertia by formulas belong to a scene: more than laws of its shafts.

@@ -115,14 +115,14 @@ std::string StopMessage::findBranch() {
   arguments.reserve(branches.size());
   for (const expression::Branch& it : branches) arguments.push_back(it.argument);
   const expression::Tape tape(*scene_.graph, arguments);
-  motion_.stops.lookAtFront();
-  const double reach = kReach * motion_.stops.leastDistance();
+  motion_.lookAtFront();
+  const double reach = kReach * motion_.leastDistance();
   // A motion that runs away in a finite time never has the state so far ahead.
   if (status_.measure * reach > 1.0) return "";
   std::vector<int> signs[3];
   for (int side = -1; side <= 1; ++side) {
     double values[3 * kMaxShafts];
-    motion_.stops.goAhead(side * reach, values);
+    motion_.goAhead(side * reach, values);
     const double* const arguments_there =
         tape.evaluate(program_.view(values, program_.front() + side * reach));
     for (std::size_t n = 0; n < branches.size(); ++n) {
@@ -329,7 +329,7 @@ std::string StopMessage::write() {
        << " rad, velocity = " << formatNumbers(state_.velocity, S)
        << " rad/s, acceleration = " << formatNumbers(state_.acceleration, S) << " rad/s^2"
        << scene_.extreme_numbers;
-  if (status_.reason == StopReason::kProjectionFailed && motion_.stops.doSolutionsMeet())
+  if (status_.reason == StopReason::kProjectionFailed && motion_.doSolutionsMeet())
     text << "; two solutions for the accelerations meet here, and none goes on behind";
   text << describeLastEvent() << describeRigid() << describePast();
   return text.str();

@@ -1,5 +1,5 @@
-#include "motion/stops.h"
-
+/// Finds out why a motion stops: a law or a row of C that fails at its last state or just ahead of
+/// it.
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -12,8 +12,8 @@
 namespace variator_sim {
 
 StopReason reasonOf(scene_status status) {
-  constexpr StopReason kReasons[] = {// of each status
-                                     StopReason::kNone,
+  // In the order of scene_status.
+  constexpr StopReason kReasons[] = {StopReason::kNone,
                                      StopReason::kNonFiniteValue,
                                      StopReason::kSingularConstraint,
                                      StopReason::kProjectionFailed,
@@ -28,71 +28,92 @@ StopReason reasonOf(scene_status status) {
   return kReasons[status];
 }
 
-StopSearch::StopSearch(Motion& motion)
-    : motion_(motion), scene_(motion.scene), program_(motion.program), S(scene_.shaftCount()) {}
+void Motion::stop(StopReason reason, double at) {
+  status.reason = reason;
+  status.time = at;
+}
 
-void StopSearch::explain() {
-  const double front = program_.front();
+void Motion::stop(scene_status why) {
+  const Exchange& it = program.it;
+  const double front = program.front();
+  stop(reasonOf(why), why == SCENE_NO_MODES ? std::max(it.stopped, front) : front);
+  program.leave();
+  if (why == SCENE_STEP_TOO_LARGE) {
+    status.measure = it.error * scene.solver.relative_tolerance;
+    return;
+  }
+  explainStop();
+  // (Of accelerations that follow from the state: those of gauss.)
+  const bool is_lost = it.rounding > 1.0 && status.reason == StopReason::kStepUnderflow;
+  if (!is_lost || why != SCENE_TOO_MANY_STEPS) return;
+  status.reason = StopReason::kToleranceTooSmall;
+  status.measure = it.rounding;
+}
+
+void Motion::explainStop() {
+  const int S = scene.shaftCount();
+  const double front = program.front();
   lookAtFront();
-  const StateView state = program_.view(program_.it.state, front);
-  if (motion_.quantities.isInertiaLost(state))
-    motion_.status.reason = StopReason::kIndefiniteInertia;
-  switch (motion_.status.reason) {
+  const StateView state = program.view(program.it.state, front);
+  if (quantities.isInertiaLost(state)) status.reason = StopReason::kIndefiniteInertia;
+  switch (status.reason) {
     case StopReason::kChattering:
     case StopReason::kNoModes:
     case StopReason::kIndefiniteInertia:
       return;
     case StopReason::kJumpFailed:
-      if (scene_.constraintCount() == 1) motion_.status.constraint = 0;
+      if (scene.constraintCount() == 1) status.constraint = 0;
       return;
     case StopReason::kNonFiniteValue:  // where a formula has no series steps end, too
-      motion_.status.reason = StopReason::kStepUnderflow;
+      status.reason = StopReason::kStepUnderflow;
       break;
     default:
       break;
   }
   if (findBadValue(state) || findLostRow(state, 3) || findFaultAhead()) return;
-  if (motion_.status.reason != StopReason::kStepUnderflow) return;
+  if (status.reason != StopReason::kStepUnderflow) return;
   if (doSolutionsMeet()) {
-    motion_.status.reason = StopReason::kProjectionFailed;
+    status.reason = StopReason::kProjectionFailed;
     return;
   }
-  for (int i = 0; i < (program_.text().IS_CLASSICAL != 0 ? 2 : 3) * S; ++i) {
-    const double rate = std::abs(slope_[i]) / std::max(1.0, std::abs(program_.it.state[i]));
-    motion_.status.measure = std::max(motion_.status.measure, rate);
+  for (int i = 0; i < (program.text().IS_CLASSICAL != 0 ? 2 : 3) * S; ++i) {
+    const double rate = std::abs(slope_[i]) / std::max(1.0, std::abs(program.it.state[i]));
+    status.measure = std::max(status.measure, rate);
   }
 }
 
-void StopSearch::lookAtFront() {
+void Motion::lookAtFront() {
+  const int S = scene.shaftCount();
   Sample unused;
-  program_.look(std::numeric_limits<double>::infinity(), &unused, slope_ + 2 * S);
-  std::copy_n(program_.it.state + S, 2 * S, slope_);
+  program.look(std::numeric_limits<double>::infinity(), &unused, slope_ + 2 * S);
+  std::copy_n(program.it.state + S, 2 * S, slope_);
 }
 
-void StopSearch::goAhead(double h, double* values) const {
-  for (int i = 0; i < 3 * S; ++i) values[i] = program_.it.state[i] + h * slope_[i];
+void Motion::goAhead(double h, double* values) const {
+  const int S = scene.shaftCount();
+  for (int i = 0; i < 3 * S; ++i) values[i] = program.it.state[i] + h * slope_[i];
 }
 
-double StopSearch::leastDistance() const {
-  return 1e-14 * std::max(1.0, std::abs(program_.front()));
+double Motion::leastDistance() const {
+  return 1e-14 * std::max(1.0, std::abs(program.front()));
 }
 
-bool StopSearch::findBadValue(StateView state) {
+bool Motion::findBadValue(StateView state) {
+  const int S = scene.shaftCount();
   static constexpr double kZeros[kMaxShafts] = {};
-  const auto isFinite = [this](const double* values) {
+  const auto isFinite = [S](const double* values) {
     return std::all_of(values, values + S, [](double value) { return std::isfinite(value); });
   };
-  MotionStatus& status = motion_.status;
   status.torque = status.constraint = -1;
-  const auto blame = [&status](int* culprit, std::size_t index) {
+  const auto blame = [this](int* culprit, std::size_t index) {
     *culprit = static_cast<int>(index);
     status.reason = StopReason::kNonFiniteValue;
     return true;
   };
   const auto findTorque = [&](void (Torque::*add)(const StateView&, double*) const) {
-    for (std::size_t j = 0; j < scene_.torques.size(); ++j) {
+    for (std::size_t j = 0; j < scene.torques.size(); ++j) {
       double value[kMaxShafts] = {};
-      ((*scene_.torques[j]).*add)(state, value);
+      ((*scene.torques[j]).*add)(state, value);
       if (!isFinite(value)) return blame(&status.torque, j);
     }
     return false;
@@ -101,8 +122,8 @@ bool StopSearch::findBadValue(StateView state) {
   // are not finite is a consequence of an earlier one.
   if (findTorque(&Torque::addTorque)) return true;
   if (!isFinite(state.acceleration)) state.acceleration = kZeros;
-  for (std::size_t m = 0; m < scene_.constraints.size(); ++m) {
-    const Constraint& law = *scene_.constraints[m];
+  for (std::size_t m = 0; m < scene.constraints.size(); ++m) {
+    const Constraint& law = *scene.constraints[m];
     double C[kMaxShafts];
     double c0;
     law.calcRow(state, C, &c0);
@@ -113,11 +134,12 @@ bool StopSearch::findBadValue(StateView state) {
   return findTorque(&Torque::addTorqueRate);
 }
 
-bool StopSearch::findLostRow(const StateView& state, int highest_order) {
+bool Motion::findLostRow(const StateView& state, int highest_order) {
+  const int S = scene.shaftCount();
   int which[kMaxConstraints];
   int count = 0;
-  for (int m = 0; m < scene_.constraintCount(); ++m) {
-    if (scene_.constraints[static_cast<std::size_t>(m)]->order() <= highest_order) {
+  for (int m = 0; m < scene.constraintCount(); ++m) {
+    if (scene.constraints[static_cast<std::size_t>(m)]->order() <= highest_order) {
       which[count++] = m;
     }
   }
@@ -125,10 +147,10 @@ bool StopSearch::findLostRow(const StateView& state, int highest_order) {
   for (int n = 0; n < count; ++n) {
     double row[kMaxShafts];
     double c0;
-    scene_.constraints[static_cast<std::size_t>(which[n])]->calcRow(state, row, &c0);
+    scene.constraints[static_cast<std::size_t>(which[n])]->calcRow(state, row, &c0);
     rows.jacobian().row(n) = DenseVector::Map(row, S);
   }
-  const DenseMatrix J = motion_.quantities.calcInertia(state);
+  const DenseMatrix J = quantities.calcInertia(state);
   SquareMatrix mobility(S, S);
   for (int i = 0; i < S; ++i) {
     DenseVector unit = DenseVector::Unit(S, i);
@@ -136,9 +158,9 @@ bool StopSearch::findLostRow(const StateView& state, int highest_order) {
     mobility.col(i) = unit;
   }
   const auto blame = [&](int n, double measure) {
-    motion_.status.reason = StopReason::kSingularConstraint;
-    motion_.status.constraint = which[n];
-    motion_.status.measure = measure;
+    status.reason = StopReason::kSingularConstraint;
+    status.constraint = which[n];
+    status.measure = measure;
     return true;
   };
   // The step underflows before the rank is lost outright: eta grows without bound near there.
@@ -148,51 +170,51 @@ bool StopSearch::findLostRow(const StateView& state, int highest_order) {
   for (int n = 0; n < count; ++n) {
     // If C goes to zero like sqrt(t* - t), the step underflows first, at C ~ 1e-8.
     const double left =
-        std::sqrt(rows.lengthSquared(n) / std::max(program_.it.longest[which[n]], 1e-300));
+        std::sqrt(rows.lengthSquared(n) / std::max(program.it.longest[which[n]], 1e-300));
     if (left < 1e-5) return blame(n, left);
   }
   return false;
 }
 
-bool StopSearch::followAhead(double h, double* values, double* multipliers) {
-  const double front = program_.front();
-  double* const epsilon = values + 2 * S;
-  std::copy_n(program_.it.state + 2 * S, S, epsilon);
-  motion_.beginning.search()->calcMultipliers(program_.view(program_.it.state, front), multipliers);
-  return motion_.beginning.search()->follow(program_.view(values, front + h), epsilon, multipliers);
-}
-
-bool StopSearch::findFaultAhead() {
-  const double front = program_.front();
-  const bool follows = motion_.beginning.search() != nullptr && program_.text().IS_CLASSICAL != 0;
+bool Motion::findFaultAhead() {
+  const int S = scene.shaftCount();
+  const double front = program.front();
+  LeastReactionSearch* const search =
+      program.text().IS_CLASSICAL != 0 ? beginning.search() : nullptr;
   double h = leastDistance();
   for (int decade = 0; decade < 12; ++decade, h *= 10.0) {
     double values[3 * kMaxShafts];
     goAhead(h, values);
     if (!std::all_of(values, values + 3 * S, [](double x) { return std::isfinite(x); }))
       return false;
-    double multipliers[kMaxShafts] = {};
-    const bool is_solved = !follows || followAhead(h, values, multipliers);
+    bool is_solved = true;
+    if (search != nullptr) {  // the accelerations of the front are followed to there
+      double multipliers[kMaxShafts] = {};
+      std::copy_n(program.it.state + 2 * S, S, values + 2 * S);
+      search->calcMultipliers(program.view(program.it.state, front), multipliers);
+      is_solved = search->follow(program.view(values, front + h), values + 2 * S, multipliers);
+    }
     if (!is_solved) std::fill_n(values + 2 * S, S, std::numeric_limits<double>::quiet_NaN());
-    if (findBadValue(program_.view(values, front + h))) return true;
+    if (findBadValue(program.view(values, front + h))) return true;
     if (is_solved) continue;
-    motion_.status.reason = StopReason::kProjectionFailed;
+    status.reason = StopReason::kProjectionFailed;
     return true;
   }
   return false;
 }
 
-bool StopSearch::doSolutionsMeet() {
+bool Motion::doSolutionsMeet() {
+  const int S = scene.shaftCount();
   // Points of stationary reaction meet where the matrix of Newton's iteration for them,
   //     [ J - sum lambda_m H_m   -C^T ]
   //     [ C                       0   ],
   // becomes singular: without H the answer d to a force J r is no longer than r.
   constexpr double kGain = 1e3;
-  const int K = scene_.constraintCount();
-  const MotionProgram& text = program_.text();
+  const int K = scene.constraintCount();
+  const MotionProgram& text = program.text();
   if (text.IS_CLASSICAL == 0 || text.HOLDS > 0 || K == 0 || K >= S) return false;
-  const StateView state = program_.view(program_.it.state, program_.front());
-  const DenseMatrix J = motion_.quantities.calcInertia(state);
+  const StateView state = program.view(program.it.state, program.front());
+  const DenseMatrix J = quantities.calcInertia(state);
   DenseVector r = DenseVector::Zero(S);
   for (int i = 0; i < S; ++i) r(i) = std::cos(i + 1.0);  // of no special direction
   DenseVector force = DenseVector::Zero(S + K);
@@ -202,13 +224,13 @@ bool StopSearch::doSolutionsMeet() {
   for (int m = 0; m < K; ++m) {
     double C[kMaxShafts];
     double H[kMaxShafts * kMaxShafts];
-    const Constraint& it = *scene_.constraints[static_cast<std::size_t>(m)];
+    const Constraint& it = *scene.constraints[static_cast<std::size_t>(m)];
     it.calcResidualAndJacobian(state, C);
     it.calcHessian(state, H);
     for (int i = 0; i < S; ++i) {
       all(S + m, i) = C[i];
       all(i, S + m) = -C[i];
-      for (int j = 0; j < S; ++j) all(i, j) -= program_.it.multiplier[m] * H[i * S + j];
+      for (int j = 0; j < S; ++j) all(i, j) -= program.it.multiplier[m] * H[i * S + j];
     }
   }
   DenseVector answer;
