@@ -42,24 +42,22 @@ struct Shown {
 std::vector<Shown> listShown(const Scene& scene) {
   expression::Graph& graph = *scene.graph;
   std::vector<Shown> made;
-  const auto addOutputs = [&made](const auto& element) {
-    for (const auto& [name, node] : element.outputs()) {
-      made.push_back({element.name() + "/" + name, "", node});
+  for (const Law* const law : scene.laws()) {
+    const auto* const torque = dynamic_cast<const Torque*>(law);
+    if (torque != nullptr && law->holdings().empty()) {
+      Node power = graph.constant(0.0);
+      for (const auto& [i, node] : torque->torques()) {
+        const std::string& shaft = scene.shafts[static_cast<std::size_t>(i)];
+        made.push_back({law->name() + "/" + shaft + "/torque", "N m", node});
+        const Node velocity = graph.variable(slotOf(Source::kVelocity, i));
+        power = graph.add(power, graph.multiply(node, velocity));
+      }
+      made.push_back({law->name() + "/power", "W", power});
     }
-  };
-  for (const TorquePtr& element : scene.torques) {
-    Node power = graph.constant(0.0);
-    for (const auto& [i, torque] : element->torques()) {
-      if (!element->holdings().empty()) continue;
-      const std::string& shaft = scene.shafts[static_cast<std::size_t>(i)];
-      made.push_back({element->name() + "/" + shaft + "/torque", "N m", torque});
-      const Node velocity = graph.variable(slotOf(Source::kVelocity, i));
-      power = graph.add(power, graph.multiply(torque, velocity));
+    for (const auto& [name, node] : law->outputs()) {
+      made.push_back({law->name() + "/" + name, "", node});
     }
-    if (element->holdings().empty()) made.push_back({element->name() + "/power", "W", power});
-    addOutputs(*element);
   }
-  for (const ConstraintPtr& constraint : scene.constraints) addOutputs(*constraint);
   for (const Output& output : scene.outputs) {
     if (output.reads_principle) {
       throw SceneError(output.name,
@@ -79,24 +77,6 @@ std::unique_ptr<MotionProgram> makeProgram(const Scene& scene) {
   return made;
 }
 
-/// Writes the variables in the order of their value references (runtime/fmu.h).
-class Variables {
- public:
-  void add(const char* kind, const std::string& name, const std::string& unit,
-           const std::string& more = "") {
-    text_ += (text_.empty() ? "" : ",\n") + std::string("{\"kind\": \"") + kind +
-             "\", \"name\": " + asJson(name) + ", \"unit\": " + asJson(unit) + more + "}";
-  }
-  void addStart(const char* kind, const std::string& name, const std::string& unit, double start,
-                const std::string& more = "") {
-    add(kind, name, unit, ", \"start\": " + literalOf(start) + more);
-  }
-  const std::string& text() const { return text_; }
-
- private:
-  std::string text_;
-};
-
 class FmuWriter {
  public:
   FmuWriter(Simulation& simulation, int version)
@@ -108,6 +88,7 @@ class FmuWriter {
         program_(parameters_.program()) {}
 
   std::string write(const std::string& name, const std::string& title) {
+    addVariables();
     const std::string source = writeSource();
     const std::string token = "{variator_sim-" + checksumOf(source) + "}";
     std::string complete = source;
@@ -119,7 +100,7 @@ class FmuWriter {
            ", \"fuses\": " + (expression::fusesProducts() ? "true" : "false") +
            ",\n\"tolerance\": " + literalOf(scene_.solver.relative_tolerance) + ", \"shafts\": [" +
            join(shafts, ", ") + "],\n\"units\": {" + writeUnits() + "},\n\"variables\": [" +
-           writeVariables() + "],\n\"source\": " + asJson(complete) + "}\n";
+           variables_ + "],\n\"source\": " + asJson(complete) + "}\n";
   }
 
  private:
@@ -148,61 +129,66 @@ class FmuWriter {
     return names;
   }
 
-  std::string writeVariables() const {
-    Variables made;
-    made.add("time", "time", "s");
+  void add(const char* kind, const std::string& name, const std::string& unit,
+           const std::string& more = "") {
+    variables_ += (variables_.empty() ? "" : ",\n") + std::string("{\"kind\": \"") + kind +
+                  "\", \"name\": " + asJson(name) + ", \"unit\": " + asJson(unit) + more + "}";
+  }
+  void addStart(const char* kind, const std::string& name, const std::string& unit, double start,
+                const std::string& more = "") {
+    add(kind, name, unit, ", \"start\": " + literalOf(start) + more);
+  }
+  /// Adds the variables in the order of their value references (runtime/fmu.h).
+  void addVariables() {
+    add("time", "time", "s");
     const std::pair<const char*, const char*> kOfShafts[] = {
         {"angle", "rad"},          {"velocity", "rad/s"},      {"acceleration", "rad/s^2"},
         {"applied_torque", "N m"}, {"reaction_torque", "N m"}, {"reaction_torque_rate", "N m/s"}};
     for (const auto& [quantity, unit] : kOfShafts) {
       const bool is_state = std::string(unit) == "rad" || std::string(unit) == "rad/s";
       for (const std::string& shaft : scene_.shafts) {
-        made.add(is_state ? "state" : "output", shaft + "/" + quantity, unit);
+        add(is_state ? "state" : "output", shaft + "/" + quantity, unit);
       }
     }
     for (const char* quantity : {"/residual", "/multiplier"}) {
-      for (const ConstraintPtr& it : scene_.constraints)
-        made.add("output", it->name() + quantity, "");
+      for (const ConstraintPtr& it : scene_.constraints) add("output", it->name() + quantity, "");
     }
     const std::pair<const char*, const char*> kOfHolds[] = {
         {"/torque", "N m"}, {"/slip", "rad/s"}, {"/reserve", "N m"}, {"/heat", "J"}};
     for (const std::string& hold : program_.holdNames()) {
-      for (const auto& [quantity, unit] : kOfHolds) made.add("output", hold + quantity, unit);
+      for (const auto& [quantity, unit] : kOfHolds) add("output", hold + quantity, unit);
     }
-    addMemory("output", "", made);
-    for (const Shown& it : shown_) made.add("output", it.name, it.unit);
-    addParameters(made);
+    addMemory("output", "");
+    for (const Shown& it : shown_) add("output", it.name, it.unit);
+    addParameters();
     for (const CommandInputSettings& it : scene_.inputs) {
       if (it.kind != InputKind::kCommanded) continue;
-      made.addStart("input", "inputs/" + it.name, "", it.initial, limits(it.minimum, it.maximum));
+      addStart("input", "inputs/" + it.name, "", it.initial, limits(it.minimum, it.maximum));
     }
-    for (const std::string& hold : program_.holdNames()) made.add("mode", hold + "/mode", "");
-    return made.text();
+    for (const std::string& hold : program_.holdNames()) add("mode", hold + "/mode", "");
   }
   /// Adds states, and then variables.
-  void addMemory(const char* kind, const std::string& prefix, Variables& made) const {
+  void addMemory(const char* kind, const std::string& prefix) {
     for (const SceneState& it : scene_.states) {
       const CommandInputSettings& state = scene_.inputs[static_cast<std::size_t>(it.input)];
-      made.addStart(kind, prefix + "states/" + state.name, "", state.initial);
+      addStart(kind, prefix + "states/" + state.name, "", state.initial);
     }
     for (const CommandInputSettings& it : scene_.inputs) {
       if (it.kind != InputKind::kVariable) continue;
-      made.addStart(kind, prefix + "variables/" + it.name, "", it.initial);
+      addStart(kind, prefix + "variables/" + it.name, "", it.initial);
     }
   }
-  void addParameters(Variables& made) const {
-    for (std::size_t i = 0; i < scene_.shafts.size(); ++i) {
-      made.addStart("parameter", "initial/" + scene_.shafts[i] + "/angle", "rad",
-                    scene_.initial.angle[i]);
-    }
-    for (std::size_t i = 0; i < scene_.shafts.size(); ++i) {
-      made.addStart("parameter", "initial/" + scene_.shafts[i] + "/velocity", "rad/s",
-                    scene_.initial.velocity[i]);
-    }
-    addMemory("parameter", "initial/", made);
+  void addParameters() {
+    const auto add_shafts = [this](const char* quantity, const char* unit, const auto& values) {
+      for (std::size_t i = 0; i < values.size(); ++i)
+        addStart("parameter", "initial/" + scene_.shafts[i] + quantity, unit, values[i]);
+    };
+    add_shafts("/angle", "rad", scene_.initial.angle);
+    add_shafts("/velocity", "rad/s", scene_.initial.velocity);
+    addMemory("parameter", "initial/");
     for (const FmuParameters::Parameter& it : parameters_.list()) {
-      made.addStart("parameter", "scene/" + it.path, unitOf(it), it.start,
-                    limits(it.range.minimum, it.range.maximum));
+      addStart("parameter", "scene/" + it.path, unitOf(it), it.start,
+               limits(it.range.minimum, it.range.maximum));
     }
   }
   static std::string limits(double minimum, double maximum) {
@@ -391,6 +377,7 @@ class FmuWriter {
   const std::vector<Shown> shown_;
   const FmuParameters parameters_;
   const MotionProgram& program_;
+  std::string variables_;  ///< as JSON
 };
 
 }  // namespace
