@@ -57,7 +57,9 @@ scene_status Beginning::findNear(Begin how, bool are_given, bool may_move) {
   std::copy_n(program_.it.state, 3 * S, misfit_.given);
   Exchange left;
   scene_status status = tryToBegin(how, are_given, may_move, &left);
-  const bool is_of_modes = status == SCENE_INCONSISTENT && isCulprit(left);
+  constexpr int kStuck = 0;  // the mode in which it is tried for the torque that it would hold
+  const bool is_of_modes = status == SCENE_INCONSISTENT && program_.text().HOLDS > 0 &&
+                           left.culprit >= 0 && left.hold[left.culprit].mode == kStuck;
   // A start that fails leaves the projection of the velocities; another one, what impacts made of
   // it.
   double found[2 * kMaxShafts];  // and the accelerations
@@ -93,11 +95,6 @@ scene_status Beginning::tryToBegin(Begin how, bool are_given, bool may_move, Exc
   const scene_status status = program_.begin(how);
   program_.leave(left);
   return status;
-}
-
-bool Beginning::isCulprit(const Exchange& left) const {
-  constexpr int kStuck = 0;  // in which it is tried for the torque that it would hold
-  return program_.text().HOLDS > 0 && left.culprit >= 0 && left.hold[left.culprit].mode == kStuck;
 }
 
 void Beginning::judgeVelocities(scene_status status, bool may_move, const double* found) {
@@ -165,8 +162,13 @@ scene_status Beginning::explainFault(scene_status status) {
   motion_.status.time = motion_.time;
   if (motion_.findBadValue(at)) return SCENE_NOT_FINITE;
   // A rank is lost on psi = 0 only; elsewhere no start was found at all.
-  const bool is_lost =
-      motion_.findLostRow(at, 1) || (motion_.findLostRow(at, 3) && isOnConstraints(at));
+  const auto is_met = [&at](const ConstraintPtr& it) {
+    double C[kMaxShafts];
+    return it->order() == 3 || it->calcResidualAndJacobian(at, C) == 0.0;
+  };
+  const bool is_lost = motion_.findLostRow(at, 1) ||
+                       (motion_.findLostRow(at, 3) &&
+                        std::all_of(scene_.constraints.begin(), scene_.constraints.end(), is_met));
   if (is_lost) return SCENE_SINGULAR;
   motion_.status = MotionStatus{};
   const bool is_missed = status == SCENE_NOT_CONVERGED || status == SCENE_SINGULAR;
@@ -181,26 +183,7 @@ scene_status Beginning::explainFault(scene_status status) {
   return SCENE_NOT_CONVERGED;
 }
 
-bool Beginning::isOnConstraints(const StateView& state) const {
-  return std::all_of(scene_.constraints.begin(), scene_.constraints.end(), [&](const auto& it) {
-    double C[kMaxShafts];
-    return it->order() == 3 || it->calcResidualAndJacobian(state, C) == 0.0;
-  });
-}
-
 // --- explanations ----------------------------------------------------------------------------
-
-std::string Beginning::listResiduals(const StateView& state) const {
-  std::string text;
-  for (const ConstraintPtr& constraint : scene_.constraints) {
-    if (constraint->order() > (misfit_.of_velocities ? 1 : 2)) continue;
-    double C[kMaxShafts];
-    text += (text.empty() ? " residual of '" : ", residual of '") + constraint->name() + "' = " +
-            formatNumber(misfit_.of_velocities ? constraint->calcResidual(state)
-                                               : constraint->calcResidualAndJacobian(state, C));
-  }
-  return text;
-}
 
 /// Returns the candidates that have the same reaction, or may have.
 std::string Beginning::listCandidates() const {
@@ -228,7 +211,15 @@ std::string Beginning::explainMisfit(bool is_start) {
   const bool of_velocities = misfit_.of_velocities;
   const std::string level = of_velocities ? "velocities" : "accelerations";
   const std::string values = formatNumbers(of_velocities ? state.velocity : state.acceleration, S);
-  const std::string residuals = listResiduals(state);
+  std::string residuals;
+  for (const ConstraintPtr& constraint : scene_.constraints) {
+    if (constraint->order() > (of_velocities ? 1 : 2)) continue;
+    double C[kMaxShafts];
+    residuals += (residuals.empty() ? " residual of '" : ", residual of '") + constraint->name() +
+                 "' = " +
+                 formatNumber(of_velocities ? constraint->calcResidual(state)
+                                            : constraint->calcResidualAndJacobian(state, C));
+  }
   if (misfit_.kind == Misfit::Kind::kNotFound) {
     const bool is_given = of_velocities || !scene_.initial.acceleration.empty();
     const std::string near = !is_start ? "near " + values

@@ -54,20 +54,15 @@ class Beginning {
   /// Looks for the accelerations of a beginning, where psi is not linear in them, and begins with
   /// them.
   scene_status beginWithFound(Begin how, bool are_given, Exchange* left);
-  /// True where an element that begins in another mode than the scene asks for ends it.
-  bool isCulprit(const Exchange& left) const;
   /// Compare what a beginning has led to with the values that were given.
   void judgeVelocities(scene_status status, bool may_move, const double* found);
   scene_status judgeAccelerations(const Exchange& left);
   /// Tells why no accelerations are found from those in `it`.
   scene_status explainFault(scene_status status);
-  bool isOnConstraints(const StateView& state) const;
   [[noreturn]] void throwMode() const;
   /// Says what is wrong with values, of the scene's start or of a state of elsewhere.
   std::string explainMisfit(bool is_start);
   std::string listCandidates() const;
-  /// Returns "residual of 'variator' = 0.1, ..", of each constraint that a start has to satisfy.
-  std::string listResiduals(const StateView& state) const;
 
   Motion& motion_;
   const Scene& scene_;
