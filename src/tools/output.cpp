@@ -65,11 +65,7 @@ using TemporaryFile = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
 
 std::string readAll(const TemporaryFile& file) {
   std::string content;
-  std::rewind(file.get());
-  char bytes[4096];
-  while (const std::size_t size = std::fread(bytes, 1, sizeof bytes, file.get())) {
-    content.append(bytes, size);
-  }
+  readTextFile("/proc/self/fd/" + std::to_string(::fileno(file.get())), &content);
   return content;
 }
 
