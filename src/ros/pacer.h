@@ -81,8 +81,8 @@ class Pacer {
     return true;
   }
 
-  /// @name Only when paced: skipping unneeded ticks
-  /// @{ Returns when tick n is due, ns on the clock.
+  // Only when paced: skipping unneeded ticks.
+  /// Returns when tick n is due, ns on the clock.
   std::int64_t dueTime(std::int64_t n) const {
     return anchor_ + std::llround(static_cast<double>(n) * period_);
   }
@@ -100,7 +100,6 @@ class Pacer {
     tick_ = n;
     tick_due_ = dueTime(n);
   }
-  /// @}
 
   /// Index of the last tick, counted from the anchor.
   std::int64_t tick() const { return tick_; }

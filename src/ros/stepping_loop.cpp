@@ -66,14 +66,8 @@ void SteppingLoop::setWanted(Topics topics) {
   if (wanted_.exchange(topics, std::memory_order_relaxed) != topics) wakeIfIdle();
 }
 
-void SteppingLoop::setRealTimeFactor(double factor) {
-  wanted_factor_.store(factor, std::memory_order_relaxed);
-  settings_changed_.store(true, std::memory_order_release);
-  clock_.wake();
-}
-
-void SteppingLoop::setPublishRate(double rate) {
-  wanted_publish_rate_.store(rate, std::memory_order_relaxed);
+void SteppingLoop::change(std::atomic<double>& setting, double value) {
+  setting.store(value, std::memory_order_relaxed);
   settings_changed_.store(true, std::memory_order_release);
   clock_.wake();
 }

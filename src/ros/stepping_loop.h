@@ -42,27 +42,19 @@ class SteppingLoop {
   /// `clock` must outlive the loop.
   SteppingLoop(Simulation simulation, const NodeSettings& settings, PacingClock& clock);
 
-  /// @name For the thread that steps
-  /// @{
   /// Returns after `stop`.
   void run();
-  /// @}
-
-  /// @name Before `run`
-  /// @{ Holds the motion at the current time until `endPreparation`, while machine code is
-  /// compiled; requests are served.
+  /// Holds the motion, before `run`, at the current time until `endPreparation`, while machine code
+  /// is compiled; requests are served.
   void beginPreparation() { is_preparing_ = true; }
-  /// @}
 
-  /// @name For one thread that commands
-  /// @{ Queues a command, wait-free. A full queue drops and counts it.
+  // For one thread that commands.
+  /// Queues a command, wait-free. A full queue drops and counts it.
   void command(const InputCommand& command) { commandTogether(&command, 1); }
   /// Queues commands that take effect at one instant.
   void commandTogether(const InputCommand* commands, std::size_t count);
-  /// @}
 
-  /// @name For one thread that publishes samples
-  /// @{
+  // For one thread that publishes samples.
   /// `quantities`, if wanted, gets the values of the sample's groups and has room for those of all.
   bool popSample(TimedSample& sample, double* quantities = nullptr) {
     return samples_.pop(sample, quantities);
@@ -71,20 +63,16 @@ class SteppingLoop {
   std::size_t quantityCount() const { return quantities_.size(); }
   /// The event posted when there is a sample to pop.
   EventDescriptor& sampleNews() { return sample_news_; }
-  /// @}
 
-  /// @name For one thread that reports on the loop
-  /// @{
+  // For one thread that reports on the loop.
   bool popSnapshot(LoopSnapshot& snapshot) { return snapshots_.pop(snapshot); }
   /// Pops a command that was rejected for being NaN or infinite, or the first one to its input that
   /// was clamped.
   bool popOddCommand(InputCommand& command) { return odd_commands_.pop(command); }
   /// Sleeps until the state changes, the loop ends, or `deadline` (ns on CLOCK_MONOTONIC).
   void waitForNews(std::int64_t deadline) { news_.waitUntil(deadline); }
-  /// @}
 
-  /// @name For any thread
-  /// @{
+  // For any thread.
   /// Hands the request over and waits until the stepping thread has served it; serves it itself
   /// when that thread has nothing to do. One at a time: others wait for their turn, but a step that
   /// goes on for more than kPatience of wall time ends for a pause, and a tick for any request.
@@ -105,10 +93,9 @@ class SteppingLoop {
   /// Sets the simulated s per s of the clock, >= 0 (0: unpaced), from the current time on:
   /// deadlines count anew, which causes neither a burst nor a stall. No effect on a followed clock,
   /// which sets the pace.
-  void setRealTimeFactor(double factor);
+  void setRealTimeFactor(double factor) { change(wanted_factor_, factor); }
   /// Sets the states per s of the clock, > 0 and at most the tick rate.
-  void setPublishRate(double rate);
-  /// @}
+  void setPublishRate(double rate) { change(wanted_publish_rate_, rate); }
 
  private:
   static constexpr std::int64_t kSliceLength = 100000000;  ///< of the windows, ns
@@ -126,6 +113,7 @@ class SteppingLoop {
   /// Returns whether the stepping thread has to end an advance of the motion early.
   bool hasToYield();
   void wakeIfIdle();
+  void change(std::atomic<double>& setting, double value);
   /// Applies settings and times that other threads have requested without waiting.
   void noticeChanges();
   void noticeClock();
@@ -213,11 +201,11 @@ class SteppingLoop {
   bool clock_started_ = false;
   std::uint64_t jumps_back_ = 0;  ///< of the clock, those served
   bool stop_noticed_ = false;
-  std::uint64_t lost_seen_ = 0;   ///< events
-  std::int64_t offset_ = 0;       ///< sample time minus the scene's time, ns
-  std::int64_t present_ = 0;      ///< the scene's time, ns
-  std::int64_t anchor_ = 0;       ///< the scene's time at tick 0, ns
-  std::int64_t moment_ = 0;       ///< when the last tick was due, ns on the clock
+  std::uint64_t lost_seen_ = 0;  ///< events
+  std::int64_t offset_ = 0;      ///< sample time minus the scene's time, ns
+  std::int64_t present_ = 0;     ///< the scene's time, ns
+  std::int64_t anchor_ = 0;      ///< the scene's time at tick 0, ns
+  std::int64_t moment_ = 0;      ///< when the last tick was due, ns on the clock
 
   /// A ring of the starts of the windows' last slices.
   struct SliceStart {
