@@ -69,7 +69,11 @@ class SampleRing {
         for (std::size_t i = 0; i < kWords; ++i) {
           words[i] = slot[kHeader + i].load(std::memory_order_acquire);
         }
-        if (numbers != nullptr) copyNumbers(slot, numbers);
+        const std::size_t count = slot[kCount].load(std::memory_order_acquire);
+        for (std::size_t i = 0; numbers != nullptr && i < std::min(count, most_numbers_); ++i) {
+          const std::uint64_t word = slot[kHeader + kWords + i].load(std::memory_order_acquire);
+          std::memcpy(numbers + i, &word, sizeof(word));
+        }
         if (slot[kMark].load(std::memory_order_relaxed) == 2 * number + 2) {
           std::memcpy(static_cast<void*>(&entry), words.data(), sizeof(T));
           return true;
@@ -93,14 +97,6 @@ class SampleRing {
 
   std::atomic<std::uint64_t>* slotOf(std::uint64_t number) const {
     return words_.get() + (number % kCapacity) * stride_;
-  }
-
-  void copyNumbers(const std::atomic<std::uint64_t>* slot, double* numbers) const {
-    const std::size_t count = slot[kCount].load(std::memory_order_acquire);
-    for (std::size_t i = 0; i < std::min(count, most_numbers_); ++i) {
-      const std::uint64_t word = slot[kHeader + kWords + i].load(std::memory_order_acquire);
-      std::memcpy(numbers + i, &word, sizeof(word));
-    }
   }
 
   const std::size_t most_numbers_;

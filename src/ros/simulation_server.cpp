@@ -11,6 +11,7 @@
 #include <iterator>
 #include <utility>
 
+#include "model/number_text.h"
 #include "model/thrown.h"
 #include "ros/nanoseconds.h"
 #include "ros/poll_thread_task.h"
@@ -123,9 +124,9 @@ SimulationServer::SimulationServer(const ros::NodeHandle& public_handle,
   services_ = advertiseServices(scene_, has_errors_, loop_, private_handle_, pause_handle);
   setUpClock();
   if (role_ == ClockRole::kFollower && settings.real_time_factor != 1.0) {
-    ROS_WARN(
-        "%s: real_time_factor %g is left aside: /use_sim_time is true, so /clock sets the pace",
-        private_handle_.getNamespace().c_str(), settings.real_time_factor);
+    warn(
+        printed("real_time_factor %g is left aside: /use_sim_time is true, so /clock sets the pace",
+                settings.real_time_factor));
   }
   startThreads(settings, preparation);
 }
@@ -141,6 +142,10 @@ SimulationServer::~SimulationServer() {
   pause_thread_.join();
   stepping_thread_.join();
   status_thread_.join();
+}
+
+void SimulationServer::warn(const std::string& text) const {
+  if (!text.empty()) ROS_WARN("%s: %s", private_handle_.getNamespace().c_str(), text.c_str());
 }
 
 void SimulationServer::advertiseTopics() {
@@ -200,7 +205,6 @@ void SimulationServer::receiveCommands(const Commands& message) {
 }
 
 void SimulationServer::setUpClock() {
-  const std::string& name = private_handle_.getNamespace();
   if (role_ == ClockRole::kOwner) {
     // A subscriber that comes while time stands still has to learn the time.
     const ros::SubscriberStatusCallback greet = [this](const ros::SingleSubscriberPublisher&) {
@@ -211,18 +215,17 @@ void SimulationServer::setUpClock() {
     publishers_[kClock] =
         public_handle_.advertise<rosgraph_msgs::Clock>("/clock", kClockQueue, greet);
     if (ros::Time::isSystemTime()) {
-      ROS_WARN(
-          "%s: publish_clock is true, but /use_sim_time is not: other nodes stay on the wall "
-          "clock. Set /use_sim_time before they start.",
-          name.c_str());
+      warn(
+          "publish_clock is true, but /use_sim_time is not: other nodes stay on the wall clock. "
+          "Set "
+          "/use_sim_time before they start.");
     }
     const std::vector<std::string> others = listOtherClocks();
     if (!others.empty()) {
-      ROS_WARN(
-          "%s: publish_clock is true, and /clock is published by %s, too: nodes that follow it are "
-          "set back again and again. Only one node may publish it: leave publish_clock out here, "
-          "or end the other one.",
-          name.c_str(), join(others, ", ").c_str());
+      warn(
+          "publish_clock is true, and /clock is published by " + join(others, ", ") +
+          ", too: nodes that follow it are set back again and again. Only one node may publish it: "
+          "leave publish_clock out here, or end the other one.");
     }
   } else if (role_ == ClockRole::kFollower) {
     using ClockEvent = ros::MessageEvent<const rosgraph_msgs::Clock>;
@@ -234,7 +237,8 @@ void SimulationServer::setUpClock() {
     options.initByFullCallbackType<const ClockEvent&>("/clock", kClockQueue, receive);
     options.transport_hints = ros::TransportHints().tcpNoDelay();
     clock_subscriber_ = public_handle_.subscribe(options);
-    ROS_INFO("%s: /use_sim_time is true: simulated time follows /clock", name.c_str());
+    ROS_INFO("%s: /use_sim_time is true: simulated time follows /clock",
+             private_handle_.getNamespace().c_str());
   }
 }
 
@@ -244,26 +248,20 @@ void SimulationServer::receiveClock(std::int64_t time, const std::string& publis
     // (One that is started anew, or another one behind it, is no second one.)
     if (!earlier.empty() && !two_clocks_told_ && clock_subscriber_.getNumPublishers() > 1) {
       two_clocks_told_ = true;
-      ROS_WARN(
-          "%s: /clock comes from %s and from %s: the motion starts anew whenever one sets the "
-          "other back. Only one node may publish it.",
-          private_handle_.getNamespace().c_str(), earlier.c_str(), publisher.c_str());
+      warn("/clock comes from " + earlier + " and from " + publisher +
+           ": the motion starts anew whenever one sets the other back. Only one node may publish "
+           "it.");
     }
   }
   const std::int64_t before = followed_clock_.now();
   if (!followed_clock_.set(time) || !jump_back_log_.passes(steady_clock_.now())) return;
-  ROS_WARN("%s: /clock has jumped back from %.3f s to %.3f s (jump %llu): the motion starts anew",
-           private_handle_.getNamespace().c_str(), toSeconds(before), toSeconds(time),
-           static_cast<unsigned long long>(followed_clock_.jumpsBack()));
+  warn(printed("/clock has jumped back from %.3f s to %.3f s (jump %llu): the motion starts anew",
+               toSeconds(before), toSeconds(time),
+               static_cast<unsigned long long>(followed_clock_.jumpsBack())));
 }
 
 void SimulationServer::startThreads(const NodeSettings& settings,
                                     const std::function<void()>& preparation) {
-  const auto warn = [this](const std::string& refusal) {
-    if (!refusal.empty()) {
-      ROS_WARN("%s: %s", private_handle_.getNamespace().c_str(), refusal.c_str());
-    }
-  };
   status_thread_ = std::thread([this] { runStatus(); });
   sample_task_ = runOnPollThread(loop_.sampleNews(), [this] { publishSamples(); });
   if (preparation) loop_.beginPreparation();
@@ -365,10 +363,10 @@ void SimulationServer::publishEvents() {
   const std::uint64_t lost = loop_.droppedEvents();
   if (lost == 0 || lost_events_told_) return;
   lost_events_told_ = true;
-  ROS_WARN(
-      "%s: %llu events were lost: more came between two samples than are kept, or than could be "
-      "published; this is told once",
-      private_handle_.getNamespace().c_str(), static_cast<unsigned long long>(lost));
+  warn(
+      std::to_string(lost) +
+      " events were lost: more came between two samples than are kept, or than could be published; "
+      "this is told once");
 }
 
 void SimulationServer::publishSamples() {
@@ -420,15 +418,14 @@ void SimulationServer::publishStatus() {
 }
 
 void SimulationServer::logTimeTrouble(std::int64_t now) {
-  const char* const name = private_handle_.getNamespace().c_str();
   if (snapshot_.waiting_for_clock && !waiting_told_ && now - started_at_ > kClockPatience) {
     waiting_told_ = true;
-    ROS_WARN("%s: waiting for /clock: /use_sim_time is true, and no time has come yet", name);
+    warn("waiting for /clock: /use_sim_time is true, and no time has come yet");
   }
   const std::int64_t lost = snapshot_.pacing.lost_time;
   if (lost > lost_time_ && lost_time_log_.passes(now)) {
-    ROS_WARN("%s: fell behind its clock for good by %.3f s (%.3f s in all); nothing was skipped",
-             name, toSeconds(lost - lost_time_), toSeconds(lost));
+    warn(printed("fell behind its clock for good by %.3f s (%.3f s in all); nothing was skipped",
+                 toSeconds(lost - lost_time_), toSeconds(lost)));
     lost_time_ = lost;
   }
 }
@@ -436,8 +433,7 @@ void SimulationServer::logTimeTrouble(std::int64_t now) {
 void SimulationServer::logReactionEnergy() {
   if (reaction_energy_told_ || !snapshot_.energy_doubt.exists()) return;
   reaction_energy_told_ = true;  // once, also when resets make the same motion again and again
-  ROS_WARN("%s: %s", private_handle_.getNamespace().c_str(),
-           describe(snapshot_.energy_doubt).c_str());
+  warn(describe(snapshot_.energy_doubt));
 }
 
 void SimulationServer::logOddCommands() {

@@ -87,6 +87,8 @@ class SimulationServer {
   void publishClock();
 
   // Any thread.
+  /// Logs a warning, unless there is none.
+  void warn(const std::string& text) const;
   /// `time` and `clock_time` as in TimedSample.
   ros::Time stampOf(std::int64_t time, std::int64_t clock_time);
 
