@@ -1,6 +1,7 @@
 #include "tools/analysis_run.h"
 
 #include <algorithm>
+#include <boost/algorithm/string/replace.hpp>
 #include <cmath>
 #include <fstream>
 #include <limits>
@@ -27,9 +28,7 @@ constexpr double kPatience = 1000.0;
 
 /// `velocity=[10, 5], inputs={throttle: 0.5}` as YAML.
 std::string toFlow(const std::string& inline_state) {
-  std::string yaml = "{";
-  for (const char c : inline_state) yaml += c == '=' ? std::string(": ") : std::string(1, c);
-  return yaml + "}";
+  return "{" + boost::replace_all_copy(inline_state, "=", ": ") + "}";
 }
 
 bool isInline(const std::string& word) {
@@ -127,13 +126,10 @@ TrimChoice readChoice(const std::string& option, const std::string& text, bool n
   return choice;
 }
 
+/// `text` ends with a line.
 std::string asComment(const std::string& text) {
-  std::string commented = "# ";
-  for (std::size_t n = 0; n < text.size(); ++n) {
-    commented += text[n];
-    if (text[n] == '\n' && n + 1 < text.size()) commented += "# ";
-  }
-  return commented;
+  const std::string commented = "# " + boost::replace_all_copy(text, "\n", "\n# ");
+  return commented.substr(0, commented.size() - 2);
 }
 
 }  // namespace

@@ -3,22 +3,16 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cmath>
-#include <cstdint>
 #include <memory>
 #include <system_error>
 
 #include "ros/message_conversion.h"
+#include "ros/nanoseconds.h"
 #include "tools/sample_writer.h"
 #include "variator_sim/simulation.h"
 
 namespace variator_sim {
 namespace {
-
-ros::Time stampOf(double time) {
-  constexpr double kLatestStamp = 4294967295.0;  // s, of an unsigned 32-bit counter
-  return toStamp(static_cast<std::int64_t>(std::llround(std::min(time, kLatestStamp) * 1e9)));
-}
 
 class BagWriter : public SampleWriter {
  public:
@@ -53,7 +47,8 @@ class BagWriter : public SampleWriter {
   const double* writeSample(const Sample& sample, const double* quantities) {
     const Scene& scene = simulation_.scene();
     const double time = sample.time;
-    const auto file = [this, stamp = stampOf(time)](const char* topic, auto message) {
+    const auto file = [this, stamp = toStamp(toCount(time * kNanosecondsPerSecond))](
+                          const char* topic, auto message) {
       message.header.stamp = stamp;
       // A bag accepts no entry at time 0; the message's own stamp keeps it.
       bag_->write(topic, std::max(stamp, ros::TIME_MIN), message);
