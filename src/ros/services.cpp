@@ -122,70 +122,6 @@ ros::ServiceServer serve(ros::NodeHandle& handle, const char* name, Answer answe
   return handle.advertiseService(name, callback);
 }
 
-class LiveSettings {
- public:
-  LiveSettings(const ros::NodeHandle& handle, const NodeSettings& settings, bool follows_clock,
-               SteppingLoop& loop)
-      : name_(handle.getNamespace()),
-        follows_clock_(follows_clock),
-        tick_rate_(settings.tick_rate),
-        loop_(loop),
-        server_(handle) {
-    in_force_.real_time_factor = settings.real_time_factor;
-    in_force_.publish_rate = settings.publish_rate;
-    // The server calls back at once with its own reading of the parameters; these values replace
-    // it.
-    server_.setCallback([this](VariatorSimConfig& config, std::uint32_t) {
-      if (is_set_up_) {
-        change(config);
-      } else {
-        config.real_time_factor = in_force_.real_time_factor;
-        config.publish_rate = in_force_.publish_rate;
-        is_set_up_ = true;
-      }
-    });
-  }
-
- private:
-  void change(VariatorSimConfig& config) {
-    std::string fault = findFaultOfRealTimeFactor(config.real_time_factor);
-    if (fault.empty() && follows_clock_) {
-      fault = " is left aside: /use_sim_time is true, so /clock sets the pace";
-    }
-    change("real_time_factor", fault, "", &VariatorSimConfig::real_time_factor, config,
-           &SteppingLoop::setRealTimeFactor);
-    change("publish_rate", findFaultOfPublishRate(config.publish_rate, tick_rate_), " Hz",
-           &VariatorSimConfig::publish_rate, config, &SteppingLoop::setPublishRate);
-    in_force_ = config;
-  }
-
-  void change(const char* name, const std::string& fault, const char* unit,
-              double VariatorSimConfig::*member, VariatorSimConfig& config,
-              void (SteppingLoop::*set)(double)) {
-    double& value = config.*member;
-    const double in_force = in_force_.*member;
-    if (value == in_force) return;
-    if (fault.empty()) {
-      (loop_.*set)(value);
-      return;
-    }
-    // The generated code has moved values beyond its limits to these.
-    const bool is_less = value <= VariatorSimConfig::__getMin__().*member;
-    const bool is_more = value >= VariatorSimConfig::__getMax__().*member;
-    ROS_WARN("%s: %s %g%s%s; it stays %g%s", name_.c_str(), name, value,
-             is_less ? " (or less)" : (is_more ? " (or more)" : ""), fault.c_str(), in_force, unit);
-    value = in_force;
-  }
-
-  std::string name_;
-  bool follows_clock_;
-  double tick_rate_;
-  SteppingLoop& loop_;
-  bool is_set_up_ = false;
-  VariatorSimConfig in_force_;
-  dynamic_reconfigure::Server<VariatorSimConfig> server_;
-};
-
 }  // namespace
 
 std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, bool has_errors,
@@ -227,7 +163,48 @@ std::vector<ros::ServiceServer> advertiseServices(const Scene& scene, bool has_e
 
 std::shared_ptr<void> serveSettings(const ros::NodeHandle& handle, const NodeSettings& settings,
                                     bool follows_clock, SteppingLoop& loop) {
-  return std::make_shared<LiveSettings>(handle, settings, follows_clock, loop);
+  using Config = VariatorSimConfig;
+  Config in_force;
+  in_force.real_time_factor = settings.real_time_factor;
+  in_force.publish_rate = settings.publish_rate;
+  const auto change = [&loop, name = handle.getNamespace()](
+                          const char* key, const std::string& fault, const char* unit,
+                          double Config::*member, double its_in_force, Config& config,
+                          void (SteppingLoop::*set)(double)) {
+    double& value = config.*member;
+    if (value == its_in_force) return;
+    if (fault.empty()) {
+      (loop.*set)(value);
+      return;
+    }
+    // The generated code has moved values beyond its limits to these.
+    const bool is_less = value <= Config::__getMin__().*member;
+    const bool is_more = value >= Config::__getMax__().*member;
+    ROS_WARN("%s: %s %g%s%s; it stays %g%s", name.c_str(), key, value,
+             is_less ? " (or less)" : (is_more ? " (or more)" : ""), fault.c_str(), its_in_force,
+             unit);
+    value = its_in_force;
+  };
+  const auto server = std::make_shared<dynamic_reconfigure::Server<Config>>(handle);
+  // The server calls back at once with its own reading of the parameters; these values replace it.
+  server->setCallback([=, tick_rate = settings.tick_rate, is_first = true](
+                          Config& config, std::uint32_t /*level*/) mutable {
+    if (std::exchange(is_first, false)) {
+      config.real_time_factor = in_force.real_time_factor;
+      config.publish_rate = in_force.publish_rate;
+      return;
+    }
+    std::string fault = findFaultOfRealTimeFactor(config.real_time_factor);
+    if (fault.empty() && follows_clock) {
+      fault = " is left aside: /use_sim_time is true, so /clock sets the pace";
+    }
+    change("real_time_factor", fault, "", &Config::real_time_factor, in_force.real_time_factor,
+           config, &SteppingLoop::setRealTimeFactor);
+    change("publish_rate", findFaultOfPublishRate(config.publish_rate, tick_rate), " Hz",
+           &Config::publish_rate, in_force.publish_rate, config, &SteppingLoop::setPublishRate);
+    in_force = config;
+  });
+  return server;
 }
 
 }  // namespace variator_sim
