@@ -13,42 +13,32 @@ namespace {
 /// roscpp copies the callback before it runs it, so that it may run after the descriptor has been
 /// taken from the set: the copies share this object, which knows whether the function may still be
 /// called.
-class Guarded {
- public:
-  Guarded(EventDescriptor& event, std::function<void()> function)
-      : event_(event), function_(std::move(function)) {}
-
-  void run() {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (!function_) return;
-    event_.clear();
-    function_();
-  }
-
-  void end() {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    function_ = nullptr;
-  }
-
- private:
-  std::mutex mutex_;
-  EventDescriptor& event_;
-  std::function<void()> function_;
+struct Guarded {
+  std::mutex mutex;
+  std::function<void()> function;
 };
 
 }  // namespace
 
 std::shared_ptr<void> runOnPollThread(EventDescriptor& event, std::function<void()> function) {
-  const auto guarded = std::make_shared<Guarded>(event, std::move(function));
+  const auto guarded = std::make_shared<Guarded>();
+  guarded->function = [&event, run = std::move(function)] {
+    event.clear();
+    run();
+  };
   const int descriptor = event.descriptor();
   ros::PollSet& set = ros::PollManager::instance()->getPollSet();
-  const bool added = set.addSocket(descriptor, [guarded](int /*events*/) { guarded->run(); });
+  const bool added = set.addSocket(descriptor, [guarded](int /*events*/) {
+    const std::lock_guard<std::mutex> lock(guarded->mutex);
+    if (guarded->function) guarded->function();
+  });
   if (!added || !set.addEvents(descriptor, EPOLLIN)) {
     throw std::logic_error("roscpp polls this descriptor already");
   }
   return {guarded.get(), [guarded, descriptor](void*) {
             ros::PollManager::instance()->getPollSet().delSocket(descriptor);
-            guarded->end();
+            const std::lock_guard<std::mutex> lock(guarded->mutex);
+            guarded->function = nullptr;
           }};
 }
 
