@@ -63,32 +63,23 @@ inline std::vector<TrimChoice> readChoices(const Choices& choices) {
   return read;
 }
 
-/// Detects exceptions raised by signal handlers, such as that of Ctrl-C. Polls the interpreter,
-/// with its lock, twenty times a second.
-class SignalWatch {
- public:
-  bool operator()() {
-    const Clock::time_point now = Clock::now();
-    if (has_raised_ || now < next_) return has_raised_;
-    next_ = now + std::chrono::milliseconds(50);
-    const py::gil_scoped_acquire lock;
-    has_raised_ = PyErr_CheckSignals() != 0;
-    return has_raised_;
-  }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  Clock::time_point next_ = Clock::now() + std::chrono::milliseconds(50);
-  bool has_raised_ = false;
-};
-
-/// Does `work` without the interpreter's lock; signals interrupt it (Interruption). Rethrows the
-/// exceptions of their handlers.
+/// Does `work` without the interpreter's lock; signals interrupt it (Interruption), such as that of
+/// Ctrl-C, for whose handlers the interpreter is asked, with its lock, twenty times a second.
+/// Rethrows the exceptions of the handlers.
 template <typename Work>
 void withoutLock(const Work& work) {
+  using Clock = std::chrono::steady_clock;
+  constexpr auto kPeriod = std::chrono::milliseconds(50);
   try {
     const py::gil_scoped_release release;
-    const Interruption interruption{SignalWatch()};
+    const Interruption interruption([next = Clock::now() + kPeriod, has_raised = false]() mutable {
+      const Clock::time_point now = Clock::now();
+      if (has_raised || now < next) return has_raised;
+      next = now + kPeriod;
+      const py::gil_scoped_acquire lock;
+      has_raised = PyErr_CheckSignals() != 0;
+      return has_raised;
+    });
     work();
   } catch (...) {
     if (PyErr_Occurred() == nullptr) throw;

@@ -6,7 +6,6 @@
 #include <functional>
 #include <future>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -38,38 +37,21 @@ ParameterTree readParameters(const ros::NodeHandle& private_handle) {
   return tree;
 }
 
-/// Publishes ~status while a scene is read, until the server does.
-class EarlyStatus {
- public:
-  explicit EarlyStatus(const ros::NodeHandle& private_handle)
-      : handle_(private_handle), thread_([this] { run(); }) {}
-  ~EarlyStatus() { stop(); }
-
-  /// Subscribers stay connected until this object ends.
-  void stop() {
-    if (!thread_.joinable()) return;
-    is_over_.set_value();
-    thread_.join();
-  }
-
- private:
-  void run() {
-    const std::future<void> over = is_over_.get_future();
-    if (over.wait_for(std::chrono::milliseconds(500)) == std::future_status::ready) return;
-    publisher_ = handle_.advertise<SimulationStatus>("status", 10);
-    SimulationStatus message;
-    message.message = "preparing: the scene is being read";
-    do {
-      message.header.stamp = ros::Time::now();
-      publisher_.publish(message);
-    } while (over.wait_for(std::chrono::milliseconds(100)) != std::future_status::ready);
-  }
-
-  ros::NodeHandle handle_;
-  ros::Publisher publisher_;
-  std::promise<void> is_over_;
-  std::thread thread_;
-};
+/// Publishes ~status while a scene is read, until `is_read`. Subscribers stay connected while the
+/// result exists.
+ros::Publisher publishEarlyStatus(ros::NodeHandle handle, std::future<void> is_read) {
+  ros::Publisher publisher;
+  if (is_read.wait_for(std::chrono::milliseconds(500)) == std::future_status::ready)
+    return publisher;
+  publisher = handle.advertise<SimulationStatus>("status", 10);
+  SimulationStatus message;
+  message.message = "preparing: the scene is being read";
+  do {
+    message.header.stamp = ros::Time::now();
+    publisher.publish(message);
+  } while (is_read.wait_for(std::chrono::milliseconds(100)) != std::future_status::ready);
+  return publisher;
+}
 
 std::string listed(const std::vector<std::string>& names) {
   return names.empty() ? "none" : join(names, ", ");
@@ -131,7 +113,10 @@ std::shared_ptr<void> makeServerFromParameters(const ros::NodeHandle& public_han
                                                const ros::NodeHandle& private_handle) {
   const std::string& name_space = private_handle.getNamespace();
   try {
-    EarlyStatus early_status(private_handle);
+    std::future<ros::Publisher> early_status;
+    std::promise<void> is_read;  // which an error breaks: that ends the early status, too
+    early_status =
+        std::async(std::launch::async, publishEarlyStatus, private_handle, is_read.get_future());
     ParameterTree tree = readParameters(private_handle);
     applyOwnOverrides(tree);
     findFiles(&tree);
@@ -162,7 +147,8 @@ std::shared_ptr<void> makeServerFromParameters(const ros::NodeHandle& public_han
         if (!Interruption::isWanted()) tell_ready(is_asked_for && !is_loaded, twin->machineCode());
       };
     }
-    early_status.stop();
+    is_read.set_value();
+    const ros::Publisher kept = early_status.get();
     auto server = std::make_shared<SimulationServer>(public_handle, private_handle,
                                                      std::move(simulation), settings, preparation);
     if (is_ready) tell_ready(false, machine_code);
