@@ -1,6 +1,5 @@
 #include "motion/energy_balance.h"
 
-#include <algorithm>
 #include <cmath>
 
 namespace variator_sim {

@@ -1,6 +1,5 @@
 #include "variator_sim/simulation.h"
 
-#include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>

@@ -1,5 +1,4 @@
 // Requests of other threads: their way to the stepping loop, and its answers.
-#include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <stdexcept>

@@ -1,6 +1,5 @@
 #include "tools/columns.h"
 
-#include <algorithm>
 #include <cstddef>
 #include <stdexcept>
 
