@@ -35,7 +35,6 @@ Motion::Motion(Scene its_scene, const Motion* like)
       program(scene, inputs),
       quantities(scene),
       beginning(*this),
-      stops(*this),
       energy(scene, hasMoreThanLaws(scene) || areRowsConstant(scene)),
       events(program.text()),
       progress(scene.solver.maximum_steps) {
