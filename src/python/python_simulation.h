@@ -69,7 +69,7 @@ inline std::vector<TrimChoice> readChoices(const Choices& choices) {
 template <typename Work>
 void withoutLock(const Work& work) {
   using Clock = std::chrono::steady_clock;
-  constexpr auto kPeriod = std::chrono::milliseconds(50);
+  static constexpr std::chrono::milliseconds kPeriod(50);
   try {
     const py::gil_scoped_release release;
     const Interruption interruption([next = Clock::now() + kPeriod, has_raised = false]() mutable {
