@@ -16,50 +16,36 @@ bool isSpace(char c) {
 }
 
 /// Splits a text at the spaces outside of brackets and quotes.
-class Splitter {
- public:
-  std::vector<std::string> split(const std::string& text) {
-    for (const char c : text) {
-      if (isSpace(c) && depth_ == 0 && quote_ == 0) {
-        endWord();
-      } else {
-        take(c);
-        word_ += c;
-      }
-    }
-    endWord();
-    return std::move(words_);
-  }
-
- private:
-  void endWord() {
-    if (!word_.empty()) words_.push_back(word_);
-    word_.clear();
-  }
-  /// Tracks brackets and quotes, within which a space ends no word.
-  void take(char c) {
-    if (quote_ != 0) {
-      const bool is_escaped = quote_ == '"' && escapes_;
-      escapes_ = c == '\\' && !escapes_;
-      if (c == quote_ && !is_escaped) quote_ = 0;
-      return;
+std::vector<std::string> splitAtSpaces(const std::string& text) {
+  std::vector<std::string> words;
+  std::string word;
+  int depth = 0;
+  char quote = 0;
+  bool escapes = false;
+  for (const char c : text) {
+    if (isSpace(c) && depth == 0 && quote == 0) {
+      if (!word.empty()) words.push_back(std::exchange(word, ""));
+      continue;
     }
     // A quote within a plain text is an apostrophe.
-    const bool begins = word_.empty() || std::string("=[{,: '\"").find(word_.back()) != word_.npos;
-    if ((c == '\'' || c == '"') && begins) {
-      quote_ = c;
-      escapes_ = false;
+    const bool begins = word.empty() || std::string("=[{,: '\"").find(word.back()) != word.npos;
+    if (quote != 0) {
+      const bool is_escaped = quote == '"' && escapes;
+      escapes = c == '\\' && !escapes;
+      if (c == quote && !is_escaped) quote = 0;
+    } else if ((c == '\'' || c == '"') && begins) {
+      quote = c;
+      escapes = false;
+    } else if (c == '[' || c == '{') {
+      ++depth;
+    } else if ((c == ']' || c == '}') && depth > 0) {
+      --depth;
     }
-    if (c == '[' || c == '{') ++depth_;
-    if ((c == ']' || c == '}') && depth_ > 0) --depth_;
+    word += c;
   }
-
-  std::vector<std::string> words_;
-  std::string word_;
-  int depth_ = 0;
-  char quote_ = 0;
-  bool escapes_ = false;
-};
+  if (!word.empty()) words.push_back(word);
+  return words;
+}
 
 }  // namespace
 
@@ -82,7 +68,7 @@ void applyOwnOverrides(ParameterTree& tree) {
   if (own.kind() == ParameterTree::Kind::kNothing) return;
   std::vector<std::string> texts;
   if (own.kind() == ParameterTree::Kind::kText) {
-    texts = Splitter().split(own.asText());
+    texts = splitAtSpaces(own.asText());
   } else {
     const ParameterTree holder = ParameterTree::dictionary({{kKey, own}});
     texts = ParameterReader(holder, "").names(kKey);

@@ -10,12 +10,6 @@ std::uint64_t added(std::uint64_t now, std::uint64_t before) {
   return now >= before ? now - before : now;
 }
 
-const char* nameOf(RunState state) {
-  constexpr const char* kNames[] = {"running", "paused", "sleeping: at rest until a command",
-                                    "stopped"};
-  return kNames[static_cast<std::size_t>(state)];
-}
-
 }  // namespace
 
 Health judgeHealth(const LoopSnapshot& now, const LoopSnapshot& before) {
@@ -50,7 +44,8 @@ Health judgeHealth(const LoopSnapshot& now, const LoopSnapshot& before) {
   blameCount(added(now.commands_dropped, before.commands_dropped), " commands dropped");
   blameCount(added(now.samples_dropped, before.samples_dropped), " samples dropped");
   if (!wrong.empty()) return {HealthLevel::kWarn, wrong};
-  return {HealthLevel::kOk, nameOf(now.state)};
+  constexpr const char* kNames[] = {"running", "paused", "sleeping: at rest until a command"};
+  return {HealthLevel::kOk, kNames[static_cast<std::size_t>(now.state)]};
 }
 
 }  // namespace variator_sim

@@ -85,10 +85,6 @@ void waitForShutdown() {
   ros::waitForShutdown();  // until it is complete
 }
 
-bool isHelp(const char* argument) {
-  return std::strcmp(argument, "--help") == 0 || std::strcmp(argument, "-h") == 0;
-}
-
 int runNode(int argc, char** argv) {
   ros::init(argc, argv, "variator");  // takes NAME:=VALUE out of the arguments
   if (argc > 1) {
@@ -123,7 +119,7 @@ int main(int argc, char** argv) {
   using namespace variator_sim;
   // Before anything asks for a master.
   for (int i = 1; i < argc; ++i) {
-    if (!isHelp(argv[i])) continue;
+    if (std::strcmp(argv[i], "--help") != 0 && std::strcmp(argv[i], "-h") != 0) continue;
     if (std::fputs(kUsage, stdout) >= 0 && std::fflush(stdout) == 0) return 0;
     std::perror("variator_sim_node: standard output");
     return kBadOutput;

@@ -26,11 +26,7 @@ namespace {
 /// Longest wait for rest without --duration, s.
 constexpr double kPatience = 1000.0;
 
-/// `velocity=[10, 5], inputs={throttle: 0.5}` as YAML.
-std::string toFlow(const std::string& inline_state) {
-  return "{" + boost::replace_all_copy(inline_state, "=", ": ") + "}";
-}
-
+/// True for `velocity=[10, 5], inputs={throttle: 0.5}`.
 bool isInline(const std::string& word) {
   return word.find_first_of("=:") != std::string::npos && !std::ifstream(word);
 }
@@ -101,8 +97,8 @@ bool reachPoint(Simulation& simulation, const std::vector<TimedCommand>& command
     simulation.sample();
     if (!simulation.status().ok() || simulation.time() < time) return fail("");
   } else if (isInline(options.at)) {
-    *point =
-        readOperatingPoint(readYamlText(toFlow(options.at), "--at"), simulation.scene(), "--at");
+    const std::string yaml = "{" + boost::replace_all_copy(options.at, "=", ": ") + "}";
+    *point = readOperatingPoint(readYamlText(yaml, "--at"), simulation.scene(), "--at");
     return true;
   } else {
     readStateFile(options.at, simulation);

@@ -74,7 +74,9 @@ class SampleTimes {
     } else if (current_ >= end_) {
       current_ = kNever;
     } else {
-      takeMultiple();
+      // A division: k / 100 is the double nearest to the decimal that a user would write, k * 0.01
+      // is not.
+      current_ = std::min(static_cast<double>(index_++) / rate_, end_);
     }
   }
 
@@ -82,13 +84,6 @@ class SampleTimes {
   SampleTimes() = default;
 
   void takeInstant() { current_ = index_ < instants_.size() ? instants_[index_++] : kNever; }
-
-  // A division: k / 100 is the double nearest to the decimal that a user would write, k * 0.01 is
-  // not.
-  void takeMultiple() {
-    const double instant = static_cast<double>(index_++) / rate_;
-    current_ = instant < end_ ? instant : end_;
-  }
 
   double rate_ = 0.0;
   double end_ = 0.0;

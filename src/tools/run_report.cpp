@@ -6,19 +6,6 @@
 #include "model/number_text.h"
 
 namespace variator_sim {
-namespace {
-
-/// Prints the energy account since the start, in three lines.
-void printEnergy(Simulation& simulation, bool is_tracked) {
-  const Energy energy = simulation.energy();
-  const char* const note = is_tracked ? "" : " (estimated; --energy integrates it)";
-  std::fprintf(stderr, "kinetic energy change: %.6g J\n", energy.applied + energy.reactions);
-  std::fprintf(stderr, "energy of the applied torques: %.6g J%s\n", energy.applied, note);
-  std::fprintf(stderr, "energy of the reactions: %.6g J%s\n", energy.reactions, note);
-}
-
-}  // namespace
-
 void printStatistics(Simulation& simulation, bool tracks_energy, const WallTimes& wall,
                      std::uint64_t samples) {
   const Statistics& counts = simulation.statistics();
@@ -58,7 +45,11 @@ void printStatistics(Simulation& simulation, bool tracks_energy, const WallTimes
   print("commands refused", counts.commands_refused);
   print("samples", samples);
   std::fprintf(stderr, "simulated time: %.6g s\n", simulation.time());
-  printEnergy(simulation, tracks_energy);
+  const Energy energy = simulation.energy();
+  const char* const note = tracks_energy ? "" : " (estimated; --energy integrates it)";
+  std::fprintf(stderr, "kinetic energy change: %.6g J\n", energy.applied + energy.reactions);
+  std::fprintf(stderr, "energy of the applied torques: %.6g J%s\n", energy.applied, note);
+  std::fprintf(stderr, "energy of the reactions: %.6g J%s\n", energy.reactions, note);
   const double stepping = wall.simulation - wall.sampling;
   const auto speed = [&](double seconds) {
     return seconds > 0.0 ? simulation.time() / seconds : 0.0;

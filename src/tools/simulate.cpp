@@ -132,11 +132,6 @@ auto useTree(const SimulateOptions& options, const Use& use) {
                     [&] { return use(tree); });
 }
 
-Simulation loadSimulation(const SimulateOptions& options) {
-  return useTree(options,
-                 [](const ParameterTree& tree) { return Simulation(readSceneWithPlugins(tree)); });
-}
-
 /// Chooses machine code for the scene's formulas: from the cache, or compiled if the scene requires
 /// it or the rest of the run repays it.
 class MachineCodeChoice {
@@ -306,13 +301,6 @@ Span spanOf(const SimulateOptions& options, double begin) {
   return span;
 }
 
-int explain(const Simulation& simulation, const SimulateOptions& options) {
-  const std::vector<EquationSection> sections = writeEquations(simulation);
-  writeOutput("", options.latex ? layOutLatex(sections, options.scene_path)
-                                : layOutText(sections, options.scene_path));
-  return kSuccess;
-}
-
 int emitC(Simulation& simulation, const SimulateOptions& options) {
   const std::string& path = options.scene_path;
   const EmittedScene scene = fromSource(path, [&] {
@@ -426,7 +414,7 @@ int runSimulate(const std::vector<std::string>& words) {
        {options.save_state_path, options.events_path, options.curves_path, options.emit_fmu_path}) {
     if (!path.empty()) checkWritable(path);
   }
-  Simulation simulation = loadSimulation(options);
+  Simulation simulation(useTree(options, readSceneWithPlugins));
   for (const std::string& warning : simulation.scene().warnings) tell("warning: " + warning);
   if (options.compile) {
     g_work = kWriting;
@@ -435,7 +423,11 @@ int runSimulate(const std::vector<std::string>& words) {
     if (!is_loaded && g_signal != 0) return kSignalBase + g_signal;
     return is_loaded ? kSuccess : kBadOutput;
   }
-  if (options.explain) return explain(simulation, options);
+  if (options.explain) {
+    const std::vector<EquationSection> sections = writeEquations(simulation);
+    writeOutput("", (options.latex ? layOutLatex : layOutText)(sections, options.scene_path));
+    return kSuccess;
+  }
   if (!options.emit_c_path.empty()) return emitC(simulation, options);
   if (!options.emit_fmu_path.empty()) return emitFmu(simulation, options);
   if (options.trim) return runTrim(simulation.scene(), options) ? kSuccess : kStopped;
