@@ -11,9 +11,6 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/numeric/odeint.hpp>
-#include <boost/numeric/ublas/matrix.hpp>
-#include <boost/numeric/ublas/vector.hpp>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -27,19 +24,14 @@
 #include <vector>
 
 #include "emit_c/emit_c.h"
+#include "peers/error.h"
 #include "peers/machines.h"
+#include "peers/odeint.h"
 #include "variator_sim/component_factory.h"
 #include "variator_sim/io/yaml_tree.h"
 
-// Odeint copies its steppers with arrays that have no values yet; inlined, that is warned of here.
-#pragma GCC diagnostic ignored "-Wuninitialized"
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
-
 namespace variator_sim::benchmark {
 namespace {
-
-namespace odeint = boost::numeric::odeint;
-namespace ublas = boost::numeric::ublas;
 
 constexpr double kEnd = 60.0;
 constexpr double kFirstStep = 1e-3;
@@ -225,6 +217,46 @@ Simulation makeSimulation(ParameterTree tree, double tolerance, bool compiled) {
   return Simulation(readScene(tree, factory));
 }
 
+struct Command {
+  double time;
+  int input;
+  double value;
+};
+
+/// The commands of a start by the indices of their inputs.
+std::vector<Command> commandsOf(const Start& start, const Scene& scene) {
+  std::vector<Command> commands;
+  for (const TimedCommand& command : start.commands) {
+    for (std::size_t i = 0; i < scene.inputs.size(); ++i) {
+      if (scene.inputs[i].topic != command.topic) continue;
+      commands.push_back({command.time, static_cast<int>(i), command.value});
+    }
+  }
+  return commands;
+}
+
+/// Plays to the end with so many samples: `advance(time)`, `command(input, value)`, and `read()`,
+/// which returns the speeds of the shafts.
+template <class Advance, class Act, class Read>
+void playOurs(const std::vector<Command>& commands, int samples, std::size_t shafts,
+              std::vector<double>* speeds, const Advance& advance, const Act& command,
+              const Read& read) {
+  std::size_t next = 0;
+  const auto go = [&](double time) {
+    for (; next < commands.size() && commands[next].time <= time; ++next) {
+      advance(commands[next].time);
+      command(commands[next].input, commands[next].value);
+    }
+    advance(time);
+  };
+  for (int n = 1; n <= samples; ++n) {
+    go(timeOf(n, samples));
+    const double* const w = read();
+    if (speeds != nullptr) speeds->insert(speeds->end(), w, w + shafts);
+  }
+  go(kEnd);
+}
+
 /// Ours, with the scene's file as it stands but for the tolerances.
 void addOurs(const Start& start, bool compiled, double* deadline, std::vector<Method>* methods) {
   auto simulation = std::make_shared<std::unique_ptr<Simulation>>();
@@ -235,30 +267,13 @@ void addOurs(const Start& start, bool compiled, double* deadline, std::vector<Me
   const auto run = [=](int samples, std::vector<double>* speeds) {
     Simulation& motion = **simulation;
     motion.reset();
-    std::size_t command = 0;
-    const auto advance = [&](double time) {
-      if (!motion.advanceTo(time).ok() || now() > *deadline) throw TimeOut();
-    };
-    const auto carry_out = [&](double time) {
-      for (; command < start.commands.size() && start.commands[command].time <= time; ++command) {
-        advance(start.commands[command].time);
-        const auto& inputs = motion.scene().inputs;
-        for (std::size_t i = 0; i < inputs.size(); ++i) {
-          if (inputs[i].topic != start.commands[command].topic) continue;
-          motion.command(static_cast<int>(i), start.commands[command].value);
-        }
-      }
-    };
-    for (int n = 1; n <= samples; ++n) {
-      carry_out(timeOf(n, samples));
-      advance(timeOf(n, samples));
-      const Sample& sample = motion.sample();
-      if (speeds == nullptr) continue;
-      const double* const w = sample.velocity;
-      speeds->insert(speeds->end(), w, w + motion.scene().shafts.size());
-    }
-    carry_out(kEnd);
-    advance(kEnd);
+    playOurs(
+        commandsOf(start, motion.scene()), samples, motion.scene().shafts.size(), speeds,
+        [&](double time) {
+          if (!motion.advanceTo(time).ok() || now() > *deadline) throw TimeOut();
+        },
+        [&](int input, double value) { motion.command(input, value); },
+        [&] { return motion.sample().velocity; });
   };
   methods->push_back({"ours auto", compiled ? "machine code" : "formulas", prepare, run});
 }
@@ -275,14 +290,7 @@ class Emitted {
     release();
     Simulation simulation = makeSimulation(start_.scene, tolerance, false);
     shafts_ = simulation.scene().shafts.size();
-    for (const TimedCommand& command : start_.commands) {
-      const auto& inputs = simulation.scene().inputs;
-      for (std::size_t i = 0; i < inputs.size(); ++i) {
-        if (inputs[i].topic == command.topic) {
-          commands_.push_back({command.time, static_cast<int>(i), command.value});
-        }
-      }
-    }
+    commands_ = commandsOf(start_, simulation.scene());
     folder_ = (std::filesystem::temp_directory_path() / "applications_XXXXXX").string();
     if (::mkdtemp(folder_.data()) == nullptr) return false;
     writeEmittedScene(emitScene(simulation, "it", "it"), folder_);
@@ -301,28 +309,15 @@ class Emitted {
   }
   void run(int samples, std::vector<double>* speeds) {
     begin_();
-    std::size_t command = 0;
-    const auto advance = [&](double time) {
-      for (; command < commands_.size() && commands_[command].time <= time; ++command) {
-        if (advance_(commands_[command].time) != 0) throw TimeOut();
-        command_(commands_[command].input, commands_[command].value);
-      }
-      if (advance_(time) != 0) throw TimeOut();
-    };
-    for (int n = 1; n <= samples; ++n) {
-      advance(timeOf(n, samples));
-      const double* const w = read_();
-      if (speeds != nullptr) speeds->insert(speeds->end(), w, w + shafts_);
-    }
-    advance(kEnd);
+    playOurs(
+        commands_, samples, shafts_, speeds,
+        [&](double time) {
+          if (advance_(time) != 0) throw TimeOut();
+        },
+        [&](int input, double value) { command_(input, value); }, read_);
   }
 
  private:
-  struct Command {
-    double time;
-    int input;
-    double value;
-  };
   static constexpr const char* kPlay =
       "#include \"it.h\"\n"
       "static it_model model;\n"
@@ -341,7 +336,6 @@ class Emitted {
     library_ = nullptr;
     if (!folder_.empty()) std::filesystem::remove_all(folder_);
     folder_.clear();
-    commands_.clear();
   }
 
   const Start& start_;
@@ -360,16 +354,6 @@ void addEmitted(const Start& start, std::vector<Method>* methods) {
   methods->push_back(
       {"ours emitted", "C", [emitted](double value) { return emitted->prepare(value); },
        [emitted](int samples, std::vector<double>* speeds) { emitted->run(samples, speeds); }});
-}
-
-double calcError(const std::vector<double>& speeds, const std::vector<double>& reference) {
-  if (speeds.size() != reference.size()) return std::nan("");
-  double worst = 0.0;
-  for (std::size_t n = 0; n < speeds.size(); ++n) {
-    worst =
-        std::max(worst, std::abs(speeds[n] - reference[n]) / std::max(1.0, std::abs(reference[n])));
-  }
-  return worst;
 }
 
 /// The speeds at the samples of the error, in long double from sample to sample.
@@ -449,7 +433,9 @@ void measure(const std::string& name, const Start& start, bool quick) {
       deadline = now() + kTimeOut;
       try {
         methods[n].run(kCompared, &speeds);
-        row.error = calcError(speeds, reference);
+        row.error = speeds.size() == reference.size()
+                        ? calcError(speeds.data(), reference.data(), speeds.size())
+                        : std::nan("");
       } catch (const std::exception&) {
         late[n] = now() > deadline;
         continue;

@@ -5,6 +5,8 @@ section NAME of a page: document.py NAME COMMIT PAGE < TABLE"""
 
 import csv
 import pathlib
+import platform
+import re
 import sys
 
 END = "<!-- end generated -->"
@@ -16,6 +18,11 @@ def read_lines(path):
     except FileNotFoundError:
         sys.exit(f"'{path}' is not there: scripts/benchmark or scripts/benchmark_realtime makes it, "
                  "in output/benchmark/")
+
+
+def processor_name():
+    found = re.search(r"^model name\s*: (.*)$", pathlib.Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
+    return found[1] if found else platform.machine()
 
 
 def table(head, rows):

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "peers/chain.h"
+#include "peers/error.h"
 #include "variator_sim/component_factory.h"
 #include "variator_sim/io/yaml_tree.h"
 #include "variator_sim/simulation.h"
@@ -70,7 +71,7 @@ struct Best {
 
   void note(const std::function<State()>& play, const State& reference) {
     using Clock = std::chrono::steady_clock;
-    double least = HUGE_VAL, spent = 0.0, error = 0.0;
+    double least = HUGE_VAL, spent = 0.0;
     State w;
     for (int run = 0; run < 200 && spent < 0.3; ++run) {
       const Clock::time_point begin = Clock::now();
@@ -79,10 +80,7 @@ struct Best {
       least = std::min(least, taken);
       spent += taken;
     }
-    for (std::size_t i = 0; i < w.size(); ++i) {
-      const double off = std::abs(w[i] - reference[i]) / std::max(1.0, std::abs(reference[i]));
-      error = std::isnan(off) ? HUGE_VAL : std::max(error, off);
-    }
+    const double error = calcError(w.data(), reference.data(), w.size());
     for (std::size_t n = 0; n < 2; ++n) {
       if (error <= kTargets[n]) seconds[n] = std::min(seconds[n], least);
     }

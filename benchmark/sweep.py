@@ -13,8 +13,6 @@ is by the clock and wants an idle one. --write puts the table between the page's
 import argparse
 import os
 import pathlib
-import platform
-import re
 import resource
 import subprocess
 import time
@@ -22,6 +20,8 @@ import time
 import numpy
 import roslib.packages
 import variator_sim
+
+import document  # beside this file
 
 SCENE = pathlib.Path(__file__).resolve().parent / "scenes/ship.yaml"
 PATH, METRIC, DURATION = "drive/inertia", "final(load/velocity)", 20.0
@@ -98,34 +98,15 @@ def make_table(arguments):
     clock = {name: kinds[name][0] / min(t for t, _ in taken) for name, taken in times.items()}
     core = {name: kinds[name][0] / min(t for _, t in taken) for name, taken in times.items()}
     first = next(iter(kinds))
-    lines = ["| | runs/s of a core | to `sweep` | runs/s | speed-up by threads |",
-             "|---|---|---|---|---|"]
+    rows = []
     for name in kinds:
         single = name.replace(f"{threads} threads", "one thread")
         speed_up = f"{clock[name] / clock[single]:.2f}" if name != single else ""
-        lines.append(f"| {name} | {core[name]:.0f} | {core[name] / core[first]:.2f} | "
-                     f"{clock[name]:.0f} | {speed_up} |")
-    lines += ["", f"{runs} runs (`simulate`: {PROCESSES}), best of {arguments.rounds} rounds, "
-              f"{os.cpu_count()} cores of {processor_name()}. Largest error of the final speeds: "
-              f"`sweep` {ours:.0e} rad/s, Odeint {error:.0e} rad/s at the tolerance "
-              f"{tolerance:.0e}."]
-    return "\n".join(lines)
-
-
-def processor_name():
-    try:
-        text = pathlib.Path("/proc/cpuinfo").read_text(encoding="utf-8")
-        return re.search(r"^model name\s*: (.*)$", text, re.MULTILINE).group(1)
-    except (OSError, AttributeError):
-        return platform.machine()
-
-
-def write(page, table):
-    text = page.read_text(encoding="utf-8")
-    begin, end = "<!-- benchmark/sweep.py -->\n", "<!-- end -->"
-    before, rest = text.split(begin)
-    page.write_text(before + begin + "\n" + table + "\n\n" + end + rest.split(end, 1)[1],
-                    encoding="utf-8")
+        rows.append([name, f"{core[name]:.0f}", f"{core[name] / core[first]:.2f}", f"{clock[name]:.0f}", speed_up])
+    table = document.table(["", "runs/s of a core", "to `sweep`", "runs/s", "speed-up by threads"], rows)
+    return (f"{table}\n{runs} runs (`simulate`: {PROCESSES}), best of {arguments.rounds} rounds, {os.cpu_count()} cores "
+            f"of {document.processor_name()}. Largest error of the final speeds: `sweep` {ours:.0e} rad/s, Odeint "
+            f"{error:.0e} rad/s at the tolerance {tolerance:.0e}.\n")
 
 
 def main():
@@ -139,7 +120,7 @@ def main():
     table = make_table(arguments)
     print(table)
     if arguments.write:
-        write(arguments.write, table)
+        document.write_section(arguments.write, "sweep", table)
 
 
 if __name__ == "__main__":

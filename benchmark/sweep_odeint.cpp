@@ -5,18 +5,14 @@
 /// Prints, for each run, the speed of the load after 20 s.
 
 #include <array>
-#include <boost/numeric/odeint.hpp>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <vector>
 
+#include "peers/odeint.h"
 #include "peers/scenes.h"
 #include "peers/system.h"
-
-// Odeint copies its steppers with arrays that have no values yet; inlined, that is warned of here.
-#pragma GCC diagnostic ignored "-Wuninitialized"
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 
 namespace {
 
@@ -74,7 +70,6 @@ class Run {
 };
 
 double runOne(double drive_inertia, double tolerance) {
-  namespace odeint = boost::numeric::odeint;
   const Run run(drive_inertia);
   State x = run.start();
   odeint::integrate_adaptive(

@@ -15,6 +15,7 @@
 #include <thread>
 #include <vector>
 
+#include "peers/error.h"
 #include "peers/method.h"
 #include "work_precision_references.h"
 #ifdef VARIATOR_SIM_WITH_SUNDIALS
@@ -239,7 +240,8 @@ class Measurement {
     row->guarded = row->best = secondsSince(start);
     row->outcome = row->method->outcome();
     if (!good && row->outcome.status == "ok") row->outcome.status = "failed";
-    row->error = calcError(row->outcome.state.data(), reference_);
+    row->error =
+        calcError(row->outcome.state.data(), reference_.state.data(), reference_.state.size());
     if (row->outcome.status == "ok" && !std::isfinite(row->error)) {
       row->outcome.status = "not finite";
     }
@@ -308,14 +310,14 @@ int check(const Options& options) {
         double bt[N];
         calcJacobian<Tag::template Of>(hand, scene.parameters, 0.8, x, a, at);
         calcJacobian<Tag::template Of>(hand, scene.parameters, 0.8, x, b, bt, false);
-        for (int i = 0; i < N * N; ++i) {
-          jacobian_difference =
-              std::max(jacobian_difference, std::abs(a[i] - b[i]) / (1.0 + std::abs(b[i])));
-        }
-        for (int i = 0; i < N; ++i) {
-          jacobian_difference =
-              std::max(jacobian_difference, std::abs(at[i] - bt[i]) / (1.0 + std::abs(bt[i])));
-        }
+        const auto compare = [&](const double* values, const double* exact, int count) {
+          for (int i = 0; i < count; ++i) {
+            const double difference = std::abs(values[i] - exact[i]) / (1.0 + std::abs(exact[i]));
+            jacobian_difference = std::max(jacobian_difference, difference);
+          }
+        };
+        compare(a, b, N * N);
+        compare(at, bt, N);
       }
     });
     std::printf("%-22s Jacobian %.1e\n", scene.name.c_str(), jacobian_difference);
@@ -325,7 +327,8 @@ int check(const Options& options) {
       if (!method->prepare(1e-10).empty()) continue;
       const bool good = method->runGuarded(kTimeOut);
       const Outcome outcome = method->outcome();
-      const double error = calcError(outcome.state.data(), references.at(scene.name));
+      const std::vector<long double>& exact = references.at(scene.name).state;
+      const double error = calcError(outcome.state.data(), exact.data(), exact.size());
       std::printf("    %-42s %-9s %s %.1e\n", method->name().c_str(), method->form().c_str(),
                   outcome.status.c_str(), error);
       if (good && !(error < 1e-4)) ++faults;

@@ -74,36 +74,9 @@ class Ours : public Method {
     }
     return "";
   }
-  bool run() override {
-    simulation_->reset();
-    for (const TimedCommand& command : commands_) {
-      if (!simulation_->advanceTo(command.time).ok()) return finish();
-      simulation_->command(0, command.value);
-    }
-    simulation_->advanceTo(kEnd);
-    return finish();
-  }
+  bool run() override { return play(1, HUGE_VAL); }
   /// The same motion in small advances, which change no bit of it.
-  bool runGuarded(double seconds) override {
-    constexpr int kSlices = 300;
-    const auto start = ProcessorClock::now();
-    late_ = false;
-    simulation_->reset();
-    std::size_t next = 0;
-    for (int slice = 1; slice <= kSlices; ++slice) {
-      const double time = kEnd * slice / kSlices;
-      for (; next < commands_.size() && commands_[next].time <= time; ++next) {
-        if (!simulation_->advanceTo(commands_[next].time).ok()) return finish();
-        simulation_->command(0, commands_[next].value);
-      }
-      if (!simulation_->advanceTo(time).ok()) return finish();
-      if (secondsSince(start) > seconds) {
-        late_ = true;
-        return false;
-      }
-    }
-    return finish();
-  }
+  bool runGuarded(double seconds) override { return play(300, seconds); }
   Outcome outcome() override {
     Outcome result;
     constexpr int S = SceneOf<double>::kShafts;
@@ -125,6 +98,24 @@ class Ours : public Method {
  private:
   static constexpr double kEnd = static_cast<double>(SceneOf<double>::kEnd);
 
+  /// In so many advances between which the time is looked at.
+  bool play(int slices, double seconds) {
+    const auto start = ProcessorClock::now();
+    late_ = false;
+    simulation_->reset();
+    std::size_t next = 0;
+    for (int slice = 1; slice <= slices; ++slice) {
+      const double time = kEnd * slice / slices;
+      for (; next < commands_.size() && commands_[next].time <= time; ++next) {
+        if (!simulation_->advanceTo(commands_[next].time).ok()) return finish();
+        simulation_->command(0, commands_[next].value);
+      }
+      if (!simulation_->advanceTo(time).ok()) return finish();
+      late_ = slices > 1 && secondsSince(start) > seconds;
+      if (late_) return false;
+    }
+    return finish();
+  }
   bool finish() {
     sample_ = simulation_->sample();
     return simulation_->status().ok();

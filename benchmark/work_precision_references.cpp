@@ -1,8 +1,8 @@
 #include "work_precision_references.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
-#include <boost/numeric/odeint.hpp>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -12,27 +12,15 @@
 #include <stdexcept>
 #include <utility>
 
+#include "peers/error.h"
+#include "peers/odeint.h"
 #include "peers/system.h"
-
-// Odeint copies its steppers with arrays that have no values yet; inlined, that is warned of here.
-#pragma GCC diagnostic ignored "-Wuninitialized"
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 
 namespace variator_sim::benchmark {
 namespace {
 
-namespace odeint = boost::numeric::odeint;
-
 using Real = long double;
 using States = std::vector<Real>;
-
-double calcDifference(const States& a, const States& b) {
-  Real largest = 0.0L;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    largest = std::max(largest, std::abs(a[i] - b[i]) / std::max(1.0L, std::abs(b[i])));
-  }
-  return static_cast<double>(largest);
-}
 
 /// From event to event with integrate(t0, t1, x).
 template <template <class> class SceneOf, class Integrate>
@@ -55,30 +43,33 @@ States play(const SceneCase& scene_case, Integrate integrate) {
   return States(x.begin(), x.end());
 }
 
-/// Fehlberg's method of order 8, explicit.
-template <template <class> class SceneOf>
-States integrateExplicitly(const SceneCase& scene_case, Real tolerance) {
-  return play<SceneOf>(scene_case, [tolerance](const auto& scene, Real t0, Real t1, auto& x) {
+/// By the stepper of `make(the state)`, explicit.
+template <template <class> class SceneOf, class Make>
+States integrate(const SceneCase& scene_case, Real first_step, Make make) {
+  return play<SceneOf>(scene_case, [&](const auto& scene, Real t0, Real t1, auto& x) {
     using State = std::decay_t<decltype(x)>;
     const auto system = [&scene](const State& y, State& dydt, Real t) {
       calcDerivative(scene, t, y.data(), dydt.data());
     };
-    odeint::integrate_adaptive(
-        odeint::make_controlled<odeint::runge_kutta_fehlberg78<State, Real>>(tolerance, tolerance),
-        system, x, t0, t1, 1e-5L);
+    odeint::integrate_adaptive(make(x), system, x, t0, t1, first_step);
   });
 }
 
-/// Gragg's extrapolation with Bulirsch and Stoer's control, explicit.
+/// Fehlberg's method of order 8.
+template <template <class> class SceneOf>
+States integrateExplicitly(const SceneCase& scene_case, Real tolerance) {
+  return integrate<SceneOf>(scene_case, 1e-5L, [tolerance](const auto& x) {
+    using State = std::decay_t<decltype(x)>;
+    return odeint::make_controlled<odeint::runge_kutta_fehlberg78<State, Real>>(tolerance,
+                                                                                tolerance);
+  });
+}
+
+/// Gragg's extrapolation with Bulirsch and Stoer's control.
 template <template <class> class SceneOf>
 States integrateByExtrapolation(const SceneCase& scene_case, Real tolerance) {
-  return play<SceneOf>(scene_case, [tolerance](const auto& scene, Real t0, Real t1, auto& x) {
-    using State = std::decay_t<decltype(x)>;
-    const auto system = [&scene](const State& y, State& dydt, Real t) {
-      calcDerivative(scene, t, y.data(), dydt.data());
-    };
-    odeint::integrate_adaptive(odeint::bulirsch_stoer<State, Real>(tolerance, tolerance), system, x,
-                               t0, t1, 1e-2L);
+  return integrate<SceneOf>(scene_case, 1e-2L, [tolerance](const auto& x) {
+    return odeint::bulirsch_stoer<std::decay_t<decltype(x)>, Real>(tolerance, tolerance);
   });
 }
 
@@ -166,6 +157,8 @@ class Radau {
     constexpr int N = 5;
     constexpr int M = S * N;
     using Number = Dual<Real, N>;
+    using Matrix = Eigen::Matrix<Real, M, M>;
+    using Column = Eigen::Matrix<Real, M, 1>;
     const Real tau = scene_case.parameters.tau;
     const SlowVariables<Number> dual = {tau};
     Real y[N];
@@ -177,8 +170,9 @@ class Radau {
       for (auto& stage : Y) std::copy(y, y + N, stage);
       for (int iteration = 0; iteration < 12; ++iteration) {
         // residual Y_i - y - h sum a_ij f(Y_j) and its exact derivative
-        static Real A[M][M + 1];
-        for (auto& row : A) std::fill(row, row + M + 1, 0.0L);
+        Matrix A = Matrix::Identity();
+        Column residual;
+        for (int i = 0; i < M; ++i) residual(i) = y[i % N] - Y[i / N][i % N];
         for (int j = 0; j < S; ++j) {
           Number x[N];
           Number f[N];
@@ -186,26 +180,20 @@ class Radau {
           dual.derivative(Number(t + c_[j] * h), x, f);
           for (int i = 0; i < S; ++i) {
             for (int n = 0; n < N; ++n) {
-              Real* row = A[i * N + n];
-              row[M] += h * a_[i][j] * f[n].value;
+              residual(i * N + n) += h * a_[i][j] * f[n].value;
               for (int k = 0; k < N; ++k) {
-                row[j * N + k] -= h * a_[i][j] * f[n].derivative[static_cast<std::size_t>(k)];
+                A(i * N + n, j * N + k) -=
+                    h * a_[i][j] * f[n].derivative[static_cast<std::size_t>(k)];
               }
             }
           }
         }
-        for (int i = 0; i < S; ++i) {
-          for (int n = 0; n < N; ++n) {
-            A[i * N + n][M] += y[n] - Y[i][n];
-            A[i * N + n][i * N + n] += 1;
-          }
-        }
-        solve<M>(A);
+        const Column change = A.lu().solve(residual);
         Real largest = 0;
         for (int i = 0; i < M; ++i) {
           Real& value = Y[i / N][i % N];
-          value += A[i][M];
-          largest = std::max(largest, std::abs(A[i][M]) / (1 + std::abs(value)));
+          value += change(i);
+          largest = std::max(largest, std::abs(change(i)) / (1 + std::abs(value)));
         }
         if (largest < 1e-18L) break;
       }
@@ -225,26 +213,6 @@ class Radau {
       now = next;
     }
     return now;
-  }
-  /// Gauss with row pivots; the solution replaces the last column.
-  template <int M>
-  static void solve(Real (*A)[M + 1]) {
-    for (int k = 0; k < M; ++k) {
-      int pivot = k;
-      for (int i = k + 1; i < M; ++i) {
-        if (std::abs(A[i][k]) > std::abs(A[pivot][k])) pivot = i;
-      }
-      if (pivot != k) std::swap_ranges(A[k], A[k] + M + 1, A[pivot]);
-      for (int i = k + 1; i < M; ++i) {
-        const Real factor = A[i][k] / A[k][k];
-        if (factor == 0) continue;
-        for (int j = k; j <= M; ++j) A[i][j] -= factor * A[k][j];
-      }
-    }
-    for (int i = M - 1; i >= 0; --i) {
-      for (int j = i + 1; j < M; ++j) A[i][M] -= A[i][j] * A[j][M];
-      A[i][M] /= A[i][i];
-    }
   }
   static void toSlow(const SceneCase& scene_case, Real* y) {
     Real x[6];
@@ -273,7 +241,8 @@ Reference makeReference(const SceneCase& scene) {
     using Tag = decltype(tag);
     Reference reference;
     const auto compare = [&](const States& other, const char* what) {
-      const double difference = calcDifference(other, reference.state);
+      const double difference =
+          calcError(other.data(), reference.state.data(), reference.state.size());
       std::fprintf(stderr, "  %-24s %-40s %.1e\n", scene.name.c_str(), what, difference);
       return difference;
     };
@@ -332,17 +301,6 @@ void writeReferences(const std::string& path, const std::vector<SceneCase>& scen
     }
     file << '\n';
   }
-}
-
-double calcError(const double* x, const Reference& reference) {
-  long double largest = 0.0L;
-  for (std::size_t i = 0; i < reference.state.size(); ++i) {
-    const long double exact = reference.state[i];
-    const long double error = std::abs(x[i] - exact) / std::max(1.0L, std::abs(exact));
-    if (!(error >= 0.0L)) return std::numeric_limits<double>::quiet_NaN();
-    largest = std::max(largest, error);
-  }
-  return static_cast<double>(largest);
 }
 
 }  // namespace variator_sim::benchmark

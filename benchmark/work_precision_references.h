@@ -22,7 +22,4 @@ std::map<std::string, Reference> readReferences(const std::string& path);
 void writeReferences(const std::string& path, const std::vector<SceneCase>& scenes,
                      const std::map<std::string, Reference>& references);
 
-/// max over all components of |x - reference| / max(1, |reference|); NaN when x has one.
-double calcError(const double* x, const Reference& reference);
-
 }  // namespace variator_sim::benchmark

@@ -2,7 +2,6 @@
 #include <gsl/gsl_errno.h>
 #include <gsl/gsl_odeiv2.h>
 
-#include <algorithm>
 #include <string>
 #include <utility>
 
@@ -18,9 +17,7 @@ class GslMethod : public PeerMethod<SceneOf> {
 
  public:
   GslMethod(std::string name, const SceneCase& scene, const gsl_odeiv2_step_type* type)
-      : Base(std::move(name), scene),
-        type_(type),
-        first_step_(scene.tau > 0.0 ? std::clamp(0.1 * scene.tau, 1e-9, 1e-3) : 1e-3) {}
+      : Base(std::move(name), scene), type_(type), first_step_(chooseFirstStep(scene)) {}
   ~GslMethod() override { release(); }
 
   std::string prepare(double tolerance) override {

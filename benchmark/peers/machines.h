@@ -111,6 +111,12 @@ class Lag {
   double begin_ = 0.0;
 };
 
+/// The command as it is.
+struct Held {
+  double value = 0.0;
+  void command(double /*t*/, double commanded) { value = commanded; }
+};
+
 /// The command behind a second-order lag, (tau d/dt + 1)^2 u = u_c.
 class SecondLag {
  public:
@@ -210,11 +216,11 @@ class Commanded {
   const std::vector<double>& stops() const { return stops_; }
 
  protected:
-  /// Calls `command(topic, value)` for each command of the time t.
-  template <class Command>
-  void carryOut(double t, const Command& command) const {
+  /// Carries out the commands of the time t on one topic, or on whichever.
+  template <class Input>
+  void carryOut(double t, Input& input, const char* topic = nullptr) const {
     for (const TimedCommand& it : commands_) {
-      if (it.time == t) command(it.topic, it.value);
+      if (it.time == t && (topic == nullptr || it.topic == topic)) input.command(t, it.value);
     }
   }
   Sample start_;
@@ -244,12 +250,10 @@ class Car : public Commanded {
   static constexpr int kShafts = 3;
   explicit Car(const Start& start) : Commanded(start, {}), engine_(readMap(start.scene)) {}
   void enter(double t) {
-    carryOut(t, [&](const std::string& topic, double value) {
-      if (topic == "throttle") throttle_.command(t, value);
-      if (topic == "clutch") clutch_.command(t, value);
-      if (topic == "brake") pedal_.command(t, value);
-      if (topic == "ratio") ratio_.command(t, value);
-    });
+    carryOut(t, throttle_, "throttle");
+    carryOut(t, clutch_, "clutch");
+    carryOut(t, pedal_, "brake");
+    carryOut(t, ratio_, "ratio");
   }
   void initial(double* x) const {
     x[0] = start_.velocity[0];
@@ -299,9 +303,7 @@ class Locomotive : public Commanded {
   static constexpr int kStates = 2;
   static constexpr int kShafts = 2;
   explicit Locomotive(const Start& start) : Commanded(start, {36.0, 42.0}) {}
-  void enter(double t) {
-    carryOut(t, [&](const std::string& /*topic*/, double value) { rack_.command(t, value); });
-  }
+  void enter(double t) { carryOut(t, rack_); }
   void initial(double* x) const {
     x[0] = start_.velocity[0];
     x[1] = start_.velocity[1];
@@ -339,9 +341,11 @@ class MachineTool : public Commanded {
       : Commanded(start, {6.0, 15.0, 15.4, 42.0, 42.4, 55.0}) {}
   void enter(double t) {
     const double present = voltage_ + slope_ * (t - begin_);
-    carryOut(t, [this](const std::string& /*topic*/, double value) { target_ = value; });
-    slope_ = std::abs(target_ - present) < 1e-9 ? 0.0 : std::copysign(80.0, target_ - present);
-    voltage_ = slope_ == 0.0 ? target_ : present;
+    carryOut(t, target_);
+    slope_ = std::abs(target_.value - present) < 1e-9
+                 ? 0.0
+                 : std::copysign(80.0, target_.value - present);
+    voltage_ = slope_ == 0.0 ? target_.value : present;
     begin_ = t;
   }
   void initial(double* x) const { x[0] = start_.velocity[0]; }
@@ -365,7 +369,7 @@ class MachineTool : public Commanded {
  private:
   double voltage_ = 0.0;
   double slope_ = 0.0;
-  double target_ = 0.0;
+  Held target_;
   double begin_ = 0.0;
 };
 
@@ -376,9 +380,7 @@ class ShipUnit : public Commanded {
   static constexpr int kStates = 6;
   static constexpr int kShafts = 3;
   explicit ShipUnit(const Start& start) : Commanded(start, {}) {}
-  void enter(double t) {
-    carryOut(t, [&](const std::string& /*topic*/, double value) { rack_.command(t, value); });
-  }
+  void enter(double t) { carryOut(t, rack_); }
   void initial(double* x) const {
     x[0] = start_.angle[0] - start_.angle[1];
     std::copy(start_.velocity, start_.velocity + 3, x + 1);
@@ -436,11 +438,7 @@ class StartingSystem : public Commanded {
   static constexpr int kShafts = 2;
   explicit StartingSystem(const Start& start)
       : Commanded(start, {2.0, 6.0, 16.0, 20.0, 40.0, 44.0, 54.0, 58.0}) {}
-  void enter(double t) {
-    carryOut(t, [&](const std::string& topic, double value) {
-      if (topic == "damper_torque") damper_.command(t, value);
-    });
-  }
+  void enter(double t) { carryOut(t, damper_, "damper_torque"); }
   void initial(double* x) const { x[0] = x[1] = 0.0; }
   template <class R>
   void rates(const R& t, const R* x, R* dxdt) const {
@@ -499,9 +497,7 @@ class VBelt : public Commanded {
   static constexpr int kStates = 1;
   static constexpr int kShafts = 2;
   explicit VBelt(const Start& start) : Commanded(start, {40.0, 43.0}) {}
-  void enter(double t) {
-    carryOut(t, [&](const std::string& /*topic*/, double value) { throttle_.command(t, value); });
-  }
+  void enter(double t) { carryOut(t, throttle_); }
   void initial(double* x) const { x[0] = start_.velocity[0]; }
   template <class R>
   void rates(const R& t, const R* x, R* dxdt) const {

@@ -1,6 +1,7 @@
 /// The interface for the driver: one solver on one scene.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstdint>
@@ -35,6 +36,11 @@ struct ProcessorClock {
 template <class Clock>
 double secondsSince(std::chrono::time_point<Clock> start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// The first step that a program tries: solvers ask their users for one.
+inline double chooseFirstStep(const SceneCase& scene) {
+  return scene.tau > 0.0 ? std::clamp(0.1 * scene.tau, 1e-9, 1e-3) : 1e-3;
 }
 
 /// The result of a run.

@@ -77,17 +77,12 @@ struct KlossMotor {
   }
 };
 
+/// A motor and a propeller on two shafts.
 template <class R>
-struct Ship : TwoShafts {
+struct ShipShafts : TwoShafts {
   using K = typename ConstantOf<R>::Type;
   static constexpr K kInertia[2] = {K(0.8L), K(2.0L)};
-  static constexpr K kEnd = K(20);
   static constexpr KlossMotor<R> kMotor = {K(12), K(50)};
-  explicit Ship(const SceneParameters& /*parameters*/) {}
-
-  static void initial(R* x) {
-    setState(x, {0.0L, 0.0L, 5.0L, 2.0L, 8.7766140234030305241L, 6.0165615693436304098L});
-  }
   static void torque(const R& /*t*/, const R* /*phi*/, const R* w, R* Q) {
     Q[0] = kMotor.torque(w[0]);
     Q[1] = K(-0.02L) * (w[1] * w[1]);
@@ -95,6 +90,17 @@ struct Ship : TwoShafts {
   static void torqueRate(const R& /*t*/, const R* /*phi*/, const R* w, const R* e, R* rate) {
     rate[0] = kMotor.torqueRate(w[0], e[0]);
     rate[1] = K(-0.04L) * (w[1] * e[1]);
+  }
+};
+
+template <class R>
+struct Ship : ShipShafts<R> {
+  using K = typename ConstantOf<R>::Type;
+  static constexpr K kEnd = K(20);
+  explicit Ship(const SceneParameters& /*parameters*/) {}
+
+  static void initial(R* x) {
+    setState(x, {0.0L, 0.0L, 5.0L, 2.0L, 8.7766140234030305241L, 6.0165615693436304098L});
   }
   static void residual(const R& t, const R* /*phi*/, const R* w, const R* e, R* psi) {
     using std::sin;
@@ -216,11 +222,9 @@ struct TorqueSteps : TwoShafts {
 };
 
 template <class R>
-struct StiffSlip : TwoShafts {
+struct StiffSlip : ShipShafts<R> {
   using K = typename ConstantOf<R>::Type;
-  static constexpr K kInertia[2] = {K(0.8L), K(2.0L)};
   static constexpr K kEnd = K(3);
-  static constexpr KlossMotor<R> kMotor = {K(12), K(50)};
   SceneParameters parameters;
   K tau;
   explicit StiffSlip(const SceneParameters& given) : parameters(given), tau(K(given.tau)) {}
@@ -252,14 +256,6 @@ struct StiffSlip : TwoShafts {
     x[3] = R(K(w2));
     x[4] = R(K(rounded_e1));
     x[5] = R(K(e2));
-  }
-  static void torque(const R& /*t*/, const R* /*phi*/, const R* w, R* Q) {
-    Q[0] = kMotor.torque(w[0]);
-    Q[1] = K(-0.02L) * (w[1] * w[1]);
-  }
-  static void torqueRate(const R& /*t*/, const R* /*phi*/, const R* w, const R* e, R* rate) {
-    rate[0] = kMotor.torqueRate(w[0], e[0]);
-    rate[1] = K(-0.04L) * (w[1] * e[1]);
   }
   void residual(const R& t, const R* /*phi*/, const R* w, const R* e, R* psi) const {
     using std::sin;

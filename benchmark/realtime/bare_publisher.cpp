@@ -1,13 +1,13 @@
 // A minimal publisher of one message at a rate: a timed loop that fills and publishes it. Without a
 // publish rate the loop only turns, in a process that has called ros::init.
 #include <ros/ros.h>
-#include <variator_sim/DrivetrainState.h>
 
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 
 #include "realtime/timed_loop.h"
+#include "realtime/two_shafts.h"
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "bare");
@@ -22,14 +22,7 @@ int main(int argc, char** argv) {
   variator_sim::DrivetrainState message;
   if (publish_rate > 0.0) {
     publisher = handle.advertise<variator_sim::DrivetrainState>("state", 100);
-    // Two shafts, one constraint.
-    for (auto* values :
-         {&message.angle, &message.velocity, &message.acceleration, &message.applied_torque,
-          &message.reaction_torque, &message.reaction_torque_rate}) {
-      values->assign(2, 0.0);
-    }
-    message.residual.assign(1, 0.0);
-    message.multiplier.assign(1, 0.0);
+    variator_sim::benchmark::fill(message, 0.0);
   }
   const long ticks_per_message = publish_rate > 0.0 ? std::lround(rate / publish_rate) : 0;
   variator_sim::benchmark::TimedLoop loop(rate);

@@ -4,7 +4,6 @@
 #include <std_msgs/Float64.h>
 #include <variator_sim/DrivetrainState.h>
 
-#include <algorithm>
 #include <boost/function.hpp>
 #include <cerrno>
 #include <condition_variable>
@@ -115,12 +114,8 @@ int main(int argc, char** argv) {
       }
     }
     for (std::size_t k = 0; k < peers.size(); ++k) {
-      std::vector<double>& values = latencies[k];
-      std::sort(values.begin(), values.end());
-      std::printf("%d %s %.9f %.9f\n", round, peers[k]->name().c_str(), values[values.size() / 2],
-                  values[values.size() * 99 / 100]);
+      variator_sim::benchmark::printRow(round, peers[k]->name().c_str(), latencies[k]);
     }
-    std::fflush(stdout);
   }
   return 0;
 }

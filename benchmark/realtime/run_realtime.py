@@ -29,6 +29,9 @@ import yaml
 from variator_sim.msg import SimulationStatus
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "benchmark"))
+import document  # noqa: E402: benchmark/document.py
+
 SHIP = ROOT / "config/ship.yaml"  # its ratio sways: it never comes to rest
 TORQUE_STEPS = ROOT / "test/cases/torque_steps/scene.yaml"  # the drive shaft's torque is the command
 PATIENCE = 60.0  # s; only a failure takes as long
@@ -223,12 +226,12 @@ class Session:
                 self.check_alive(*processes)
                 measure(name, number, begin, end)
 
-    def add_cpu(self, row):
+    def add_cpu(self, row, peers):
         def measure(name, number, begin, end):
             share = (end[1] - begin[1]) / (end[0] - begin[0])
             self.add(row, name, number, "cpu", 1e3 * share, "ms/s")
 
-        return measure
+        self.in_turn(peers, 3 if self.quick else 10, 2 if self.quick else 5, measure)
 
 
 def cpu_subscribed(session):
@@ -236,8 +239,7 @@ def cpu_subscribed(session):
     peers = {"variator": [session.spawn_node("variator", SHIP)],
              "bare": [session.spawn_peer("bare_publisher", 1000, 100, name="bare")]}
     session.spawn_sink("/variator/state", "/bare/state")
-    session.in_turn(peers, 3 if session.quick else 10, 2 if session.quick else 5,
-                    session.add_cpu("cpu_subscribed"))
+    session.add_cpu("cpu_subscribed", peers)
 
 
 def cpu_panel(session):
@@ -253,8 +255,7 @@ def cpu_panel(session):
     page = session.spawn(ROOT / "benchmark/realtime/page.py",
                          panel.output.read_text().split()[-1], ",".join(columns))
     wait_for(lambda: "looking" in page.output.read_text(), "frames of the panel")
-    session.in_turn(peers, 3 if session.quick else 10, 2 if session.quick else 5,
-                    session.add_cpu("cpu_panel"))
+    session.add_cpu("cpu_panel", peers)
 
 
 def cpu_alone(session):
@@ -262,8 +263,7 @@ def cpu_alone(session):
     peers = {"variator": [session.spawn_node("variator", SHIP)],
              "bare": [session.spawn_peer("bare_loop", 1000)],
              "ros": [session.spawn_peer("bare_publisher", 1000, name="bare")]}
-    session.in_turn(peers, 3 if session.quick else 10, 2 if session.quick else 5,
-                    session.add_cpu("cpu_alone"))
+    session.add_cpu("cpu_alone", peers)
 
 
 def read_seconds(process, begin, end):
@@ -479,12 +479,7 @@ def first_line(*command):
 
 
 def head(arguments):
-    processor = "unknown"
-    for line in pathlib.Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            processor = line.partition(":")[2].strip()
-            break
-    return [f"processor: {processor}", f"cores: {os.cpu_count()}",
+    return [f"processor: {document.processor_name()}", f"cores: {os.cpu_count()}",
             f"kernel: {platform.release()}, {platform.machine()}",
             f"compiler: {first_line('c++', '--version')}",
             f"roscpp: {first_line('rosversion', 'roscpp')}",

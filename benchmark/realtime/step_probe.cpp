@@ -5,7 +5,6 @@
 #include <std_srvs/Trigger.h>
 #include <variator_sim/Step.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -15,14 +14,8 @@
 
 namespace {
 
+using variator_sim::benchmark::printRow;
 using variator_sim::benchmark::steadyTime;
-
-void print(int round, const char* name, std::vector<double>& times) {
-  std::sort(times.begin(), times.end());
-  std::printf("%d %s %.9f %.9f\n", round, name, times[times.size() / 2],
-              times[times.size() * 99 / 100]);
-  std::fflush(stdout);
-}
 
 /// The times of so many calls, s; the program ends when one fails.
 template <class Call>
@@ -73,9 +66,9 @@ int main(int argc, char** argv) {
         measure(calls, "the empty service", [&] { return trigger_client.call(trigger); }),
         measure(calls, "the service that does nothing", [&] { return call_step(idle_client); })};
     if (round < 0) continue;
-    print(round, "step", times[0]);
-    print(round, "trigger", times[1]);
-    print(round, "idle", times[2]);
+    printRow(round, "step", times[0]);
+    printRow(round, "trigger", times[1]);
+    printRow(round, "idle", times[2]);
   }
   return 0;
 }

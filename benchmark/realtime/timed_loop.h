@@ -3,9 +3,12 @@
 
 #include <sys/prctl.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdint>
+#include <cstdio>
 #include <ctime>
+#include <vector>
 
 namespace variator_sim::benchmark {
 
@@ -14,6 +17,14 @@ inline std::int64_t steadyTime() {
   timespec time{};
   clock_gettime(CLOCK_MONOTONIC, &time);
   return static_cast<std::int64_t>(time.tv_sec) * 1000000000 + time.tv_nsec;
+}
+
+/// Prints a row of a probe: round, name, the median and the 99th percentile of times (s).
+inline void printRow(int round, const char* name, std::vector<double>& times) {
+  std::sort(times.begin(), times.end());
+  std::printf("%d %s %.9f %.9f\n", round, name, times[times.size() / 2],
+              times[times.size() * 99 / 100]);
+  std::fflush(stdout);
 }
 
 /// Absolute deadlines, clock_nanosleep, a timer slack of 1 us: what the node asks of the kernel,

@@ -3,6 +3,8 @@
 #include <std_srvs/Trigger.h>
 #include <variator_sim/Step.h>
 
+#include "realtime/two_shafts.h"
+
 namespace {
 
 bool answer(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
@@ -10,17 +12,10 @@ bool answer(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response
   return true;
 }
 
-/// As many numbers as a step of two shafts and one constraint returns.
 bool answerStep(variator_sim::Step::Request& request, variator_sim::Step::Response& response) {
   response.success = true;
-  variator_sim::DrivetrainState& state = response.state;
-  state.time = request.duration;
-  for (auto* values : {&state.angle, &state.velocity, &state.acceleration, &state.applied_torque,
-                       &state.reaction_torque, &state.reaction_torque_rate}) {
-    values->assign(2, 1.0);
-  }
-  state.residual.assign(1, 1.0);
-  state.multiplier.assign(1, 1.0);
+  response.state.time = request.duration;
+  variator_sim::benchmark::fill(response.state, 1.0);
   return true;
 }
 
