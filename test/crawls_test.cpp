@@ -167,18 +167,6 @@ TEST(Crawls, AClutchWhoseTorquesCancelKeepsItsTolerance) {
   EXPECT_TRUE(narrow.status.ok()) << narrow.text;
 }
 
-TEST(Crawls, AToleranceThatAClutchPutsOutOfReachIsNamedWithItsKey) {
-  const Played lost =
-      run(test::sceneFromText(test::withDryClutch("1e-6")), StepperKind::kAuto, 0.45);
-  EXPECT_EQ(lost.status.reason, StopReason::kToleranceTooSmall) << lost.text;
-  EXPECT_NE(lost.text.find("most by torque 'clutch': 'clutch/regularization_speed: "),
-            std::string::npos)
-      << lost.text;
-  EXPECT_NE(lost.text.find("without a constraint both principles give the same motion"),
-            std::string::npos)
-      << lost.text;
-}
-
 // A lag that moves drives nothing here, but for what a law reads of it: a motion that stands still
 // in a steep layer may read the time, too.
 TEST(Crawls, AShaftThatFrictionStopsWhileAnInputMoves) {

@@ -203,18 +203,6 @@ TEST(InsideOfAStep, AtRestAnEdgeThatChangesNothingIsLeftAlone) {
   }
 }
 
-// A constraint itself may not jump: there is no motion to the other side.
-TEST(JumpsOfLaws, AConstraintThatJumpsStops) {
-  for (const char* formula : {"e2-0.5*e1-0.3*sign(t-1)", "e2-0.5*e1+w2-0.5*w1-sign(w1-1)"}) {
-    Simulation simulation(
-        test::sceneFromText("a 1, b 2", {"q on a: 2-0.1*w1", std::string("v: ") + formula}));
-    EXPECT_EQ(simulation.advanceTo(10.0).reason, StopReason::kJumpFailed)
-        << simulation.describeStatus();
-    EXPECT_NE(simulation.describeStatus().find("constraint 'v'"), std::string::npos);
-    EXPECT_LT(simulation.time(), 5.0);
-  }
-}
-
 // Beside a psi that is curved in the accelerations their way counts, not its ends alone. On the
 // circle e1 = g cos(a), e2 = g sin(a), with e3 = r e2 + d and d going from 0 to D, J = diag(1, 1,
 // J3):

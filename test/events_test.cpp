@@ -1,5 +1,5 @@
-// Events whose side rounding would decide: at a start, at a command, at the end of an input's
-// segment, at a step's end to the bit, with a tiny slope. Each is decided once.
+// Events whose side rounding would decide, beside those of test/known_motions.yaml: each is decided
+// once.
 
 #include "support/scenes.h"
 
@@ -84,44 +84,6 @@ TEST(SamplesAtAJump, AreOfOneSide) {
   }
 }
 
-// A command cuts the motion at the very instant at which a law jumps: w = t, then 5 (t - 1).
-TEST(CommandsAtAJump, ActBesideIt) {
-  const std::string input = "inputs: [v]\nv: {topic: v}\n";
-  for (const char* torque : {"if(t < 1, 1, 3) + v", "if(t <= 1, 1, 3) + v", "2 + sign(t-1) + v",
-                             "if(t < 1, 1, 3) + if(t < 1, 0, 2) + 0*v", "if(phi1 < 0.5, 1, 3) + v",
-                             "if(w1 < 1, 1, 3) + v", "if(t < 1, 1, 3) + if(w1 < 1, 0, v)"}) {
-    forAll(shaftUnder(torque, input), [](Simulation& simulation) {
-      expectVelocity(simulation, 0.9, 0.9);
-      ASSERT_TRUE(simulation.advanceTo(1.0).ok());
-      simulation.command(0, 2.0);
-      expectVelocity(simulation, 1.5, 3.5);
-      expectVelocity(simulation, 2.0, 6.0);
-    });
-  }
-  // An input that a jump's argument reads goes onto the threshold, and over it.
-  for (const char* torque : {"if(v < 2, 1, 3) + v", "if(v <= 1, 1, 3) + v", "3 + sign(v-2)"}) {
-    const double behind = torque[0] == '3' ? 3.0 : 5.0;
-    const double before = torque[0] == '3' ? 2.0 : 1.0;
-    forAll(shaftUnder(torque, input), [&](Simulation& simulation) {
-      expectVelocity(simulation, 1.0, before);
-      simulation.command(0, 2.0);
-      expectVelocity(simulation, 2.0, before + behind);
-    });
-  }
-}
-
-TEST(CommandsAtAJump, MayComeTwiceAndToNoLaw) {
-  const std::string inputs = "inputs: [v, unread]\nv: {topic: v}\nunread: {topic: unread}\n";
-  forAll(shaftUnder("2 + sign(t-1) + v", inputs), [](Simulation& simulation) {
-    ASSERT_TRUE(simulation.advanceTo(1.0).ok());
-    simulation.command(1, 7.0);
-    EXPECT_NEAR(simulation.sample().acceleration[0], 3.0, 1e-9);
-    simulation.command(0, 2.0);
-    EXPECT_NEAR(simulation.sample().acceleration[0], 5.0, 1e-9);
-    expectVelocity(simulation, 2.0, 6.0);
-  });
-}
-
 // A constraint switches at the instant of a command, of either order.
 TEST(CommandsAtAKink, ChangeNothingThatNoLawReads) {
   for (const char* constraint :
@@ -155,80 +117,6 @@ TEST(CommandsAtAKink, ChangeNothingThatNoLawReads) {
   }
 }
 
-TEST(TimeoutsAtAJump, ActBesideIt) {
-  const std::string input =
-      "inputs: [v]\nv: {topic: v, initial: 0, timeout: 0.5, on_timeout: zero}\n";
-  forAll(shaftUnder("if(t < 1, 1, 3) + v", input), [](Simulation& simulation) {
-    ASSERT_TRUE(simulation.advanceTo(0.5).ok());
-    simulation.command(0, 2.0);  // until 1 s
-    expectVelocity(simulation, 2.0, 0.5 + 1.5 + 3.0);
-  });
-}
-
-// The closed form of an input ends at the threshold, or at the instant, of a jump.
-TEST(SegmentsThatEndAtAJump, AreFollowedByWhatIsBehind) {
-  for (const char* hold : {"rate_limit, rate: 1", "first_order_hold, period: 1"}) {
-    const std::string input = std::string("inputs: [u]\nu: {topic: u, hold: ") + hold + "}\n";
-    struct Case {
-      const char* torque;
-      double velocity;  // at 2 s
-    };
-    for (const Case& it : {Case{"if(u < 1, 1, 3)", 4.0}, Case{"if(u <= 1, 1, 3)", 2.0},
-                           Case{"2 + sign(u-1)", 3.0}, Case{"if(t < 1, 1, 3) + u", 5.5},
-                           Case{"2 + sign(t-1) + u", 5.5}, Case{"if(t < 1, u, 2)", 2.5}}) {
-      forAll(shaftUnder(it.torque, input), [&](Simulation& simulation) {
-        simulation.command(0, 1.0);
-        ASSERT_TRUE(simulation.advanceTo(1.0).ok()) << simulation.describeStatus();
-        EXPECT_NEAR(simulation.sample().reaction_torque[0], 0.0, 1e-7);
-        expectVelocity(simulation, 2.0, it.velocity);
-      });
-    }
-  }
-}
-
-// A lag arrives, by rounding, at the threshold and stays: some time between 36 and 50 constants.
-TEST(SegmentsThatEndAtAJump, AreLagsAsWell) {
-  const std::string input =
-      "inputs: [u]\nu: {topic: u, hold: first_order_lag, time_constant: 0.01}\n";
-  for (const char* torque : {"if(u < 1, 1, 2)", "1.5 + 0.5*sign(u-1)"}) {
-    const double behind = torque[0] == 'i' ? 2.0 : 1.5;
-    forAll(shaftUnder(torque, input), [&](Simulation& simulation) {
-      ASSERT_TRUE(simulation.advanceTo(0.25).ok());
-      simulation.command(0, 1.0);
-      ASSERT_TRUE(simulation.advanceTo(2.0).ok()) << simulation.describeStatus();
-      EXPECT_NEAR(simulation.sample().velocity[0], 2.0 + (behind - 1.0) * 1.32,
-                  0.07 * (behind - 1.0) + 1e-7);
-      EXPECT_NEAR(simulation.sample().acceleration[0], behind, 1e-9);
-    });
-  }
-}
-
-// A trial step ends on the edge of a jump to the last bit.
-TEST(StepsThatEndOnAnEdge, AreMadeAgain) {
-  forAll(shaftUnder("if(w1 < 1, 1, 0.5)"), [](Simulation& simulation) {
-    expectVelocity(simulation, 1.5, 1.25);
-    expectVelocity(simulation, 2.0, 1.5);
-  });
-  forAll(shaftUnder("sign(w1-1) + 2"),
-         [](Simulation& simulation) { expectVelocity(simulation, 2.0, 4.0); });
-}
-
-// The motion begins on the edge.
-TEST(StartsOnAnEdge, GoToTheSideThatTheMotionTakes) {
-  struct Case {
-    const char* torque;
-    const char* velocity;
-    double then;  // at 1 s
-  };
-  for (const Case& it :
-       {Case{"sign(w1-1) + 2", "1", 4.0}, Case{"if(w1 > 0, 2, 1)", "0", 2.0},
-        Case{"if(w1 < 0, -3, -1)", "0", -3.0}, Case{"2 + sign(t)", "0", 3.0},
-        Case{"1 + sign(phi1)", "1", 3.0}, Case{"2 + sign(w1) + sign(t) + abs(w1)*0", "0", 4.0}}) {
-    forAll(shaftUnder(it.torque, std::string("initial: {velocity: [") + it.velocity + "]}\n"),
-           [&](Simulation& simulation) { expectVelocity(simulation, 1.0, it.then); });
-  }
-}
-
 const char* const kHeld = "100 - 400*sign(w1)";
 
 // Neither side of a jump is one on which the motion goes on: that is said at once, by name.
@@ -246,39 +134,6 @@ TEST(RestOnAJump, IsChatteringAtOnce) {
     forAll(test::sceneText("a 1, b 2", {std::string("q on a: ") + torque,
                                         "g = KinematicRatio, shafts: [a, b], ratio: 0.6"}),
            expectChattering);
-  }
-}
-
-// The slip of a stiff one-sided coupling comes to zero with a slope of next to nothing. (Stability
-// alone asks 70,000 steps of dopri5.)
-TEST(GrazingReleases, AreDecidedOnce) {
-  const auto isTooSlow = [](const Simulation& simulation) {
-    return simulation.scene().solver.stepper == StepperKind::kDopri5;
-  };
-  forAll(shaftUnder("max(0, 1e5*(5*sin(31*t) - w_a)) - 5*w_a"), [&](Simulation& simulation) {
-    if (isTooSlow(simulation)) return;
-    expectVelocity(simulation, 0.5, 4.06566591315, 1e-6);
-    expectVelocity(simulation, 1.0, 2.533018098081, 1e-6);
-  });
-  forAll(shaftUnder("max(0, 1e5*(sin(t) - w_a)) - w_a"), [&](Simulation& simulation) {
-    if (isTooSlow(simulation)) return;
-    expectVelocity(simulation, 2.0, 0.909292495237, 1e-6);
-    expectVelocity(simulation, 3.0, 0.371435852926, 1e-6);
-  });
-}
-
-TEST(GrazingReleases, AreThoseOfOtherFunctionsAsWell) {
-  for (const char* law : {"if(5*sin(31*t) > w_a, 1e5*(5*sin(31*t) - w_a), 0) - 5*w_a",
-                          "-min(0, 1e5*(w_a - 5*sin(31*t))) - 5*w_a",
-                          "clamp(1e5*(5*sin(31*t) - w_a), 0, 1e9) - 5*w_a",
-                          "5e4*(5*sin(31*t) - w_a + abs(5*sin(31*t) - w_a)) - 5*w_a"}) {
-    for (const char* principle : kPrinciples) {
-      SCOPED_TRACE(std::string(law) + ", " + principle);
-      Simulation simulation(
-          test::sceneFromText(shaftUnder(law) + "principle: " + principle + "\n"));
-      expectVelocity(simulation, 0.5, 4.06566591315, 1e-6);
-      expectVelocity(simulation, 1.0, 2.533018098081, 1e-6);
-    }
   }
 }
 

@@ -1,6 +1,7 @@
-// Scenes in which the program was once wrong, endless or stopped without need (test/found), against
-// the right values of test/found_scenes.yaml. Each is played in a process of its own, which may
-// take 5 s.
+// Scenes against the right values of their rows: those in which the program was once wrong, endless
+// or stopped without need (test/found_scenes.yaml), and those whose motion or stop is known
+// (test/known_motions.yaml). Each is played in a process of its own, which may take 5 s, or 30 s by
+// steppers that a row names.
 #include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -14,8 +15,12 @@
 namespace variator_sim::test {
 namespace {
 
-/// The allowed relative error: a hundred times the tolerance of 1e-9.
+/// The allowed relative error: a hundred times the tolerance of 1e-9; less where a row says by
+/// which steppers.
 constexpr double kAllowed = 1e-7;
+constexpr double kAllowedByStepper = 1.4e-8;
+/// The largest reaction of a free shaft there, N m.
+constexpr double kNoReaction = 1e-5;
 
 struct Value {
   double time;
@@ -29,19 +34,43 @@ struct Found {
   std::vector<Value> values;
   std::string torque;
   double velocity = 0.0;
+  std::string shafts;
+  std::vector<std::string> elements;
   std::string commands;
   std::string keys;
+  std::vector<std::string> by;
   double chatters_until = -1.0;
-  std::string fault;
+  std::vector<std::string> fault;
+  std::vector<std::string> lacks;
+  double end = 1.0;
+  std::vector<double> stops_at;  ///< time and what it may be off, s
 };
+
+/// The words between " | " of a key; none where it is missing.
+std::vector<std::string> wordsOf(ParameterReader& reader, const char* key) {
+  const std::string text = reader.text(key, "");
+  return text.empty() ? std::vector<std::string>() : split(text, " | ");
+}
+/// The lines between " / " of a key.
+std::string linesOf(ParameterReader& reader, const char* key) {
+  std::string lines;
+  for (const std::string& line : split(reader.text(key, ""), " / ")) lines += line + "\n";
+  return lines;
+}
+std::vector<std::string> textsOf(ParameterReader& reader, const char* key) {
+  std::vector<std::string> texts;
+  if (!reader.has(key)) return texts;
+  for (const ParameterTree& text : reader.raw(key)->asList()) texts.push_back(text.asText());
+  return texts;
+}
 
 void PrintTo(const Found& found, std::ostream* out) {
   *out << found.name;
 }
 
-/// The rows of test/found_scenes.yaml, which says what they hold.
-std::vector<Found> readFound() {
-  const ParameterTree file = readYamlFile(VARIATOR_SIM_TEST_DIR "/found_scenes.yaml");
+/// The rows of a file; that of found_scenes.yaml says what they hold.
+std::vector<Found> readFound(const std::string& name) {
+  const ParameterTree file = readYamlFile(VARIATOR_SIM_TEST_DIR "/" + name);
   std::vector<Found> all;
   for (const ParameterTree& row : file.asDictionary().at("found").asList()) {
     ParameterReader reader(row, "found");
@@ -49,15 +78,28 @@ std::vector<Found> readFound() {
     found.name = reader.text("name");
     found.torque = reader.text("torque", "");
     found.velocity = reader.number("velocity", Range::any(), 0.0);
-    found.commands = reader.text("commands", "");
-    for (const std::string& line : split(reader.text("keys", ""), " / ")) found.keys += line + "\n";
+    found.shafts = reader.text("shafts", "");
+    found.elements = textsOf(reader, "elements");
+    found.commands = reader.has("commands") ? linesOf(reader, "commands") : "";
+    found.keys = linesOf(reader, "keys");
+    found.by = textsOf(reader, "by");
     found.chatters_until = reader.number("chatters_until", Range::any(), -1.0);
-    found.fault = reader.text("fault", "");
-    const ParameterTree* const values = reader.raw("values");
-    for (const ParameterTree& value : values->asList()) {
-      const ParameterTree::List& cells = value.asList();
-      found.values.push_back({cells.at(0).asReal(), cells.at(1).asText(), cells.at(2).asReal(),
-                              cells.size() > 3 ? cells[3].asReal() : kAllowed});
+    found.fault = wordsOf(reader, "fault");
+    found.lacks = wordsOf(reader, "lacks");
+    const double allowed = found.by.empty() ? kAllowed : kAllowedByStepper;
+    if (reader.has("values")) {
+      for (const ParameterTree& value : reader.raw("values")->asList()) {
+        const ParameterTree::List& cells = value.asList();
+        found.values.push_back({cells.at(0).asReal(), cells.at(1).asText(), cells.at(2).asReal(),
+                                cells.size() > 3 ? cells[3].asReal() : allowed});
+      }
+      if (!found.values.empty()) found.end = found.values.back().time;
+    }
+    found.end = reader.number("end", Range::any(), found.end);
+    if (reader.has("stops_at")) {
+      for (const ParameterTree& number : reader.raw("stops_at")->asList()) {
+        found.stops_at.push_back(number.asReal());
+      }
     }
     reader.finish();
     all.push_back(found);
@@ -70,6 +112,7 @@ std::string pathOf(const std::string& file) {
 }
 
 Scene sceneOf(const Found& found) {
+  if (!found.shafts.empty()) return sceneFromText(found.shafts, found.elements, found.keys);
   if (found.torque.empty()) return sceneFromFile(pathOf(found.name + ".yaml"));
   return sceneFromText(
       "shafts: [a]\na: {inertia: 1.0}\ntorques: [q]\n"
@@ -78,15 +121,29 @@ Scene sceneOf(const Found& found) {
       found.keys);
 }
 
-double read(const Sample& sample, const std::string& column, const Scene& scene) {
+/// A column of the state, or one of the quantities as `simulate` names them.
+double read(Simulation& simulation, const std::string& column) {
+  const Scene& scene = simulation.scene();
+  const Sample& sample = simulation.sample();
   const std::size_t slash = column.find('/');
-  const std::string quantity = column.substr(slash + 1);
-  const double* values = quantity == "velocity"       ? sample.velocity
-                         : quantity == "angle"        ? sample.angle
-                         : quantity == "acceleration" ? sample.acceleration
-                                                      : sample.reaction_torque;
-  for (std::size_t i = 0; i < scene.shafts.size(); ++i) {
-    if (scene.shafts[i] == column.substr(0, slash)) return values[i];
+  const std::map<std::string, const double*> columns = {
+      {"velocity", sample.velocity},
+      {"angle", sample.angle},
+      {"acceleration", sample.acceleration},
+      {"reaction_torque", sample.reaction_torque}};
+  const auto values = columns.find(column.substr(slash + 1));
+  for (std::size_t i = 0; values != columns.end() && i < scene.shafts.size(); ++i) {
+    if (scene.shafts[i] == column.substr(0, slash)) return values->second[i];
+  }
+  for (const QuantityGroup group : kQuantityGroups) {
+    const std::vector<std::string>& names = simulation.quantityNames(group);
+    const bool is_plain = group == QuantityGroup::kElements;
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      if (column != (is_plain ? "" : std::string(toString(group)) + "/") + names[i]) continue;
+      std::vector<double> quantities(names.size());
+      simulation.calcQuantities(group, quantities.data());
+      return quantities[i];
+    }
   }
   return NAN;
 }
@@ -95,16 +152,15 @@ void play(const Found& found, Scene scene) {
   std::vector<TimedCommand> commands;
   const std::string file = pathOf(found.name + ".csv");
   if (!found.commands.empty()) {
-    commands = readCommandText("time,topic,value\n" + found.commands + "\n", "commands");
+    commands = readCommandText("time,topic,value\n" + found.commands, "commands");
   } else if (std::filesystem::exists(file)) {
     commands = readCommandFile(file);
   }
   scene.solver.machine_code = MachineCode::kNever;
   Simulation simulation(scene);
   std::size_t next = 0;
-  const double end = found.values.empty() ? 1.0 : found.values.back().time;
   for (std::size_t n = 0; n <= found.values.size() && simulation.status().ok(); ++n) {
-    const double time = n < found.values.size() ? found.values[n].time : end;
+    const double time = n < found.values.size() ? found.values[n].time : found.end;
     for (; next < commands.size() && commands[next].time <= time; ++next) {
       simulation.advanceTo(commands[next].time);
       for (int input = 0; input < scene.inputCount(); ++input) {
@@ -114,27 +170,37 @@ void play(const Found& found, Scene scene) {
     }
     if (!simulation.advanceTo(time).ok() || n == found.values.size()) break;
     const auto& [at, column, value, allowed] = found.values[n];
-    EXPECT_NEAR(read(simulation.sample(), column, scene), value, allowed * (1.0 + std::abs(value)))
+    EXPECT_NEAR(read(simulation, column), value, allowed * (1.0 + std::abs(value)))
         << column << " at " << at << " s";
+    if (!found.by.empty() && !found.torque.empty()) {
+      EXPECT_NEAR(simulation.sample().reaction_torque[0], 0.0, kNoReaction) << at;
+    }
+  }
+  const std::string told = simulation.describeStatus();
+  for (const std::string& word : found.fault) EXPECT_NE(told.find(word), std::string::npos) << told;
+  for (const std::string& word : found.lacks) EXPECT_EQ(told.find(word), std::string::npos) << told;
+  if (!found.stops_at.empty()) {
+    EXPECT_NEAR(simulation.status().time, found.stops_at[0], found.stops_at[1]) << told;
   }
   if (!found.fault.empty()) {
-    EXPECT_NE(simulation.describeStatus().find(found.fault), std::string::npos)
-        << simulation.describeStatus();
+    EXPECT_FALSE(simulation.status().ok());
   } else if (simulation.status().reason != StopReason::kChattering ||
              simulation.status().time > found.chatters_until) {
     EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
   }
+  // (Explicit steps that a row names may have to be short.)
+  if (!found.by.empty() && scene.solver.stepper != StepperKind::kAuto) return;
   const Statistics& statistics = simulation.statistics();
   EXPECT_LT(statistics.steps + statistics.rejected_steps, 20000u);
 }
 
-/// A run that exceeds 5 s of its process' time fails, and the next test goes on.
-void inChild(const std::function<void()>& body) {
+/// A run that exceeds so many seconds of its process' time fails, and the next test goes on.
+void inChild(const std::function<void()>& body, int seconds = 5) {
   std::fflush(nullptr);
   const pid_t child = fork();
   ASSERT_GE(child, 0);
   if (child == 0) {
-    const itimerval timer{{0, 0}, {5, 0}};
+    const itimerval timer{{0, 0}, {seconds, 0}};
     setitimer(ITIMER_PROF, &timer, nullptr);
     body();
     std::fflush(nullptr);
@@ -176,14 +242,42 @@ std::string nameOf(const testing::TestParamInfo<Found>& of) {
   return name;
 }
 
-INSTANTIATE_TEST_SUITE_P(Test, FoundScene, testing::ValuesIn(readFound()), nameOf);
+INSTANTIATE_TEST_SUITE_P(Test, FoundScene, testing::ValuesIn(readFound("found_scenes.yaml")),
+                         nameOf);
+
+constexpr StepperKind kSteppers[] = {StepperKind::kAuto, StepperKind::kTaylor, StepperKind::kRadau,
+                                     StepperKind::kDopri5, StepperKind::kFehlberg78};
+
+/// By the steppers and principles of its row.
+class KnownMotion : public testing::TestWithParam<Found> {};
+
+TEST_P(KnownMotion, IsRight) {
+  const Found& found = GetParam();
+  const bool has_principle = found.keys.find("principle: ") != std::string::npos;
+  for (const std::string& stepper : found.by) {
+    for (const char* principle : {"gauss", "generalized_gauss"}) {
+      SCOPED_TRACE(stepper + ", " + principle);
+      Found row = found;
+      row.keys += (has_principle ? "" : std::string("principle: ") + principle + "\n");
+      Scene scene = sceneOf(row);
+      for (const StepperKind kind : kSteppers) {
+        if (stepper == toString(kind)) scene.solver.stepper = kind;
+      }
+      inChild([&] { play(row, scene); }, 30);
+      if (has_principle) break;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Test, KnownMotion, testing::ValuesIn(readFound("known_motions.yaml")),
+                         nameOf);
 
 /// A brake on a shaft of its own changes nothing, but its scene is stepped by its program alone.
 class FoundTorque : public testing::TestWithParam<Found> {
  public:
   static std::vector<Found> all() {
     std::vector<Found> made;
-    for (const Found& found : readFound()) {
+    for (const Found& found : readFound("found_scenes.yaml")) {
       const bool goes_on = found.fault.empty() && found.chatters_until < 0.0;
       if (!found.torque.empty() && goes_on) made.push_back(found);
     }

@@ -134,16 +134,6 @@ map: {x: [0, 1, 2, 8], y: [0, 2, 3, 10], interpolation: linear,
   EXPECT_NEAR(simulation.sample().velocity[0], std::exp(2.0) - 3.0, 1e-7);
 }
 
-TEST(Interpolation, ThatHoldsAValueMakesAConstraintOfOrder1Stop) {
-  Simulation simulation = simulationOf(
-      sceneText("a 1, b 1", {"gear = KinematicRatio, shafts: [a, b], ratio: i(t)"},
-                "tables: [i]\ni: {x: [0, 1, 2], values: [1, 1, 2], interpolation: hold}\n"
-                "initial: {velocity: [1, 1]}"));
-  EXPECT_TRUE(simulation.advanceTo(1.9).ok());
-  EXPECT_EQ(simulation.advanceTo(3.0).reason, StopReason::kJumpFailed)
-      << simulation.describeStatus();
-}
-
 TEST(Interpolation, IsToldWhereASmoothTableIsFarOffItsLines) {
   const auto warningsOf = [](const std::string& keys) {
     return test::sceneFromText("shafts: [a]\na: {inertia: 1}\ntables: [speed]\nspeed: {" + keys +

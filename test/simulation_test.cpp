@@ -202,69 +202,6 @@ TEST(Stops, AVanishingConstraintIsNamed) {
   EXPECT_TRUE(simulation.advanceTo(0.1).ok());
 }
 
-TEST(Stops, ASingularStartIsNamed) {
-  Simulation simulation(test::sceneFromText("drive 1, load 1", {"variator: e1*e2"},
-                                            "initial: {acceleration: [0, 0]}"));
-  EXPECT_EQ(simulation.status().reason, StopReason::kSingularConstraint);
-  EXPECT_EQ(simulation.time(), 0.0);
-}
-
-TEST(Stops, ConstraintsThatBecomeDependentAreNamed) {
-  Simulation simulation(test::sceneFromText(
-      "a 1, b 1, c 1", {"motor on a: 1+t", "first: e1+e2-w1", "second: e1+e2+(1-t)*e3+w2"},
-      "initial: {velocity: [1, 1, 1]}"));
-  const MotionStatus& status = simulation.advanceTo(2.0);
-  EXPECT_EQ(status.reason, StopReason::kSingularConstraint) << simulation.describeStatus();
-  EXPECT_EQ(status.constraint, 1);
-  EXPECT_NEAR(status.time, 1.0, 1e-3);
-}
-
-// The torque of the coupling is 1e8 N m/rad times a difference of angles: what one rounding of
-// these makes of the accelerations that follow from it is more than 1e-11 of them.
-TEST(Stops, AToleranceBelowWhatRoundingLeavesIsNamed) {
-  const auto play = [](const std::string& principle) {
-    Simulation simulation(test::withTolerance(
-        test::sceneFromText(
-            "a 1, b 2",
-            {"coupling = ElasticCoupling, shafts: [a, b], stiffness: 1.0e8, damping: 1.0e4",
-             "motor on a: 3*cos(t)"},
-            std::string("initial: {angle: [1, 1], velocity: [2, 2]}\nprinciple: ") + principle),
-        1e-11));
-    simulation.advanceTo(0.1);
-    return std::make_pair(simulation.status().reason, simulation.describeStatus());
-  };
-  const auto [reason, text] = play("gauss");
-  EXPECT_EQ(reason, StopReason::kToleranceTooSmall) << text;
-  EXPECT_NE(text.find("ToleranceTooSmall at t = "), std::string::npos) << text;
-  EXPECT_NE(text.find("'principle: generalized_gauss'"), std::string::npos) << text;
-  EXPECT_EQ(play("generalized_gauss").first, StopReason::kNone);
-}
-
-TEST(Stops, AnEscapeInFiniteTimeIsNamed) {
-  // J eps = w^2: w = 1 / (1 - t)
-  Simulation simulation(
-      test::sceneFromText("drive 1", {"motor on drive: w1^2"}, "initial: {velocity: [1]}"));
-  ASSERT_TRUE(simulation.advanceTo(0.9).ok());
-  EXPECT_NEAR(simulation.sample().velocity[0], 10.0, 1e-6);
-  const MotionStatus& status = simulation.advanceTo(2.0);
-  EXPECT_EQ(status.reason, StopReason::kStepUnderflow);
-  EXPECT_NEAR(status.time, 1.0, 1e-6);
-  EXPECT_NE(simulation.describeStatus().find("driven by torque 'motor': is its sign right?"),
-            std::string::npos)
-      << simulation.describeStatus();
-}
-
-TEST(Stops, AValueThatLeavesItsDomainIsNamed) {
-  Simulation simulation(test::sceneFromText("drive 1, load 1",
-                                            {"motor on drive: -1", "odd on load: sqrt(w1)"},
-                                            "initial: {velocity: [1, 0]}"));
-  const MotionStatus& status = simulation.advanceTo(2.0);
-  EXPECT_EQ(status.reason, StopReason::kNonFiniteValue);
-  EXPECT_EQ(status.torque, 1);
-  EXPECT_NEAR(status.time, 1.0, 1e-5);
-  EXPECT_NE(simulation.describeStatus().find("'odd'"), std::string::npos);
-}
-
 TEST(Stops, TooManyStepsAreNamed) {
   Scene scene = test::sceneFromText(kTwoCommands);
   scene.solver.maximum_steps = 5;
