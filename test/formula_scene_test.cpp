@@ -224,18 +224,6 @@ TEST(SceneFormulas, LetAnInputOfOrder3JumpTheJerk) {
   EXPECT_NEAR(simulation.sample().acceleration[0], 3.0 + (before - 3.0) * std::exp(-2.0), 1e-8);
 }
 
-TEST(SceneFormulas, EndStepsAtThePointsOfTablesOverTime) {
-  // A pulse much narrower than a step, of 2000 h + 2 q h^3/120 N m s with q = -4 2000/h^2 at its
-  // top.
-  Simulation simulation(test::sceneFromText(
-      kShafts, {"engine on drive: pulse(t)"},
-      kStart + "tables: [pulse]\npulse: {x: [1, 1.0005, 1.001], values: [0, 2000, 0]}"));
-  simulation.advanceTo(3.0);
-  ASSERT_TRUE(simulation.status().ok());
-  EXPECT_NEAR(simulation.sample().velocity[0], 10.0 + (2000.0 * 5e-4 * (1.0 - 8.0 / 240.0)) / 0.5,
-              1e-6);
-}
-
 // ------------------------------------------------------------------------------------------ errors
 
 const std::string kBase = test::sceneText(kShafts, {}, kStart);

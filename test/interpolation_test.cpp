@@ -1,4 +1,5 @@
-// Motions through the kinks and jumps of tables.
+// Motions through the kinks of many points, and what is told of a coarse table
+// (test/known_motions.yaml has motions through those of few).
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -7,64 +8,8 @@ namespace {
 using test::list;
 using test::sceneText;
 
-const char* const kSteppers[] = {"auto", "rk4", "dopri5", "fehlberg78", "radau", "taylor"};
-
 Simulation simulationOf(const std::string& yaml, const std::string& solver = "") {
   return Simulation(test::sceneFromText(yaml + "solver: {" + solver + "}\n"));
-}
-
-TEST(Interpolation, OfACycleByItsCornersIsFollowedExactly) {
-  const std::vector<double> x = {0.0, 10.0, 20.0, 20.5, 30.0, 47.3};
-  const std::vector<double> v = {0.0, 10.0, 10.0, 3.0, 0.0, 8.0};
-  const std::string scene = sceneText("wheel 1, dummy 1", {"cycle of order 1: w_wheel - speed(t)"},
-                                      "tables: [speed]\nspeed: {x: " + list(x) +
-                                          ", values: " + list(v) + ", interpolation: linear}") +
-                            "principle: ";
-  for (const std::string principle : {"gauss\n", "generalized_gauss\n"}) {
-    for (const char* stepper : kSteppers) {
-      SCOPED_TRACE(principle + stepper);
-      Simulation simulation = simulationOf(scene + principle, std::string("stepper: ") + stepper);
-      double distance = 0.0;
-      for (std::size_t k = 1; k < x.size(); ++k) {
-        const double middle = 0.5 * (x[k - 1] + x[k]);
-        ASSERT_TRUE(simulation.advanceTo(middle).ok()) << simulation.describeStatus();
-        EXPECT_NEAR(simulation.sample().velocity[0], 0.5 * (v[k - 1] + v[k]), 1e-9);
-        EXPECT_NEAR(simulation.sample().acceleration[0], (v[k] - v[k - 1]) / (x[k] - x[k - 1]),
-                    1e-8);
-        ASSERT_TRUE(simulation.advanceTo(x[k]).ok()) << simulation.describeStatus();
-        distance += 0.5 * (v[k - 1] + v[k]) * (x[k] - x[k - 1]);
-        EXPECT_NEAR(simulation.sample().velocity[0], v[k], 1e-9);
-        EXPECT_NEAR(simulation.sample().angle[0], distance, 1e-9 * (1.0 + distance));
-      }
-    }
-  }
-}
-
-/// A torque over time, T(t): J w' = T(t), in closed form.
-TEST(Interpolation, OfTorquesOverTimeIsIntegratedInItsPieces) {
-  const std::vector<double> x = {0.0, 1.0, 1.5, 4.0};
-  const std::vector<double> T = {1.0, 3.0, -2.0, 5.0};
-  for (const bool holds : {false, true}) {
-    const std::string scene =
-        sceneText("a 2", {"pull on a: T(t)"},
-                  "tables: [T]\nT: {x: " + list(x) + ", values: " + list(T) +
-                      ", interpolation: " + (holds ? "hold" : "linear") + "}") +
-        "principle: ";
-    for (const std::string principle : {"gauss\n", "generalized_gauss\n"}) {
-      for (const char* stepper : kSteppers) {
-        SCOPED_TRACE(principle + stepper + (holds ? " hold" : " linear"));
-        Simulation simulation = simulationOf(scene + principle, std::string("stepper: ") + stepper);
-        double momentum = 0.0;
-        for (std::size_t k = 1; k < x.size(); ++k) {
-          ASSERT_TRUE(simulation.advanceTo(x[k]).ok()) << simulation.describeStatus();
-          momentum += (holds ? T[k - 1] : 0.5 * (T[k - 1] + T[k])) * (x[k] - x[k - 1]);
-          EXPECT_NEAR(2.0 * simulation.sample().velocity[0], momentum, 1e-8);
-        }
-        ASSERT_TRUE(simulation.advanceTo(6.0).ok());
-        EXPECT_NEAR(2.0 * simulation.sample().velocity[0], momentum + 2.0 * T[3], 1e-8);
-      }
-    }
-  }
 }
 
 /// w' = T(w) with straight lines between points: w is an exponential in each piece. Returns the
@@ -101,37 +46,6 @@ TEST(Interpolation, OfTorquesOverSpeedMeetsTheClosedForm) {
       }
     }
   }
-}
-
-/// A shaft that swings through the points of a table, to and fro, at whose points it also turns.
-TEST(Interpolation, IsFollowedInBothDirections) {
-  const std::string scene = sceneText("a 1", {"pull on a: spring(phi_a)"}, R"(
-tables: [spring]
-spring: {x: [-2, -1, 1, 2], values: [14, 1, -1, -14], interpolation: linear, beyond: linear}
-initial: {angle: [1]}
-)");
-  // Up to |phi| = 1 the spring has the stiffness 1: cos t. (A fixed step from a point is of first
-  // order.)
-  for (const char* stepper : {"auto", "dopri5", "fehlberg78", "radau", "taylor"}) {
-    SCOPED_TRACE(stepper);
-    Simulation simulation = simulationOf(scene, std::string("stepper: ") + stepper);
-    for (const double t : {0.7, 3.0, 3.14159265358979, 10.0}) {
-      ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
-      EXPECT_NEAR(simulation.sample().angle[0], std::cos(t), 1e-6) << t;
-    }
-  }
-}
-
-TEST(Interpolation, OfTwoVariablesIsBilinearInItsPieces) {
-  const std::string scene = sceneText("a 1", {"pull on a: map(t, w_a)"}, R"(
-tables: [map]
-map: {x: [0, 1, 2, 8], y: [0, 2, 3, 10], interpolation: linear,
-      values: [[0, 2, 3, 10], [1, 3, 4, 11], [2, 4, 5, 12], [8, 10, 11, 18]]}
-)");
-  // The map is x + y: w' = t + w.
-  Simulation simulation = simulationOf(scene);
-  ASSERT_TRUE(simulation.advanceTo(2.0).ok());
-  EXPECT_NEAR(simulation.sample().velocity[0], std::exp(2.0) - 3.0, 1e-7);
 }
 
 TEST(Interpolation, IsToldWhereASmoothTableIsFarOffItsLines) {

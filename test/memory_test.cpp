@@ -101,74 +101,6 @@ TEST(Events, SwitchAThermostatAThousandTimes) {
   }
 }
 
-TEST(Events, OfOneInstantActInTheOrderOfTheList) {
-  Simulation simulation = simulate(R"yaml(
-shafts: [load]
-load: {inertia: 1}
-variables: [a, b, c]
-a: {initial: 1}
-b: {initial: 2}
-c: {initial: 0}
-events: [swap, note, never]
-swap: {when: "t - 1", set: {a: b, b: a}}
-note: {when: "2*t - 2", set: {c: "10*a + b"}}
-never: {when: "1 - t", direction: rising, set: {a: 7}}
-)yaml");
-  ASSERT_TRUE(simulation.advanceTo(2.0).ok()) << simulation.describeStatus();
-  EXPECT_EQ(variableOf(simulation, "a"), 2.0);
-  EXPECT_EQ(variableOf(simulation, "b"), 1.0);
-  EXPECT_EQ(variableOf(simulation, "c"), 21.0);
-}
-
-TEST(Events, FollowCommandsAndWhatOthersSet) {
-  Simulation simulation = simulate(R"yaml(
-shafts: [load]
-load: {inertia: 1}
-inputs: [button]
-button: {topic: button}
-variables: [lamp, told]
-lamp: {initial: 0}
-told: {initial: 0}
-events: [press, tell]
-press: {when: "button - 0.5", direction: rising, set: {lamp: "1 - lamp"}}
-tell: {when: "lamp - 0.5", set: {told: "told + 1"}}
-)yaml");
-  const auto press = [&](double time, double value) {
-    simulation.advanceTo(time);
-    simulation.command(0, value);
-  };
-  press(0.5, 1.0);
-  press(0.6, 0.0);
-  EXPECT_EQ(variableOf(simulation, "lamp"), 1.0);
-  press(0.7, 1.0);
-  ASSERT_TRUE(simulation.advanceTo(1.0).ok()) << simulation.describeStatus();
-  EXPECT_EQ(variableOf(simulation, "lamp"), 0.0);
-  EXPECT_EQ(variableOf(simulation, "told"), 2.0);
-}
-
-// Under generalized_gauss R goes on from where it was, as behind a command.
-// Rounding does not decide which of the two comes first.
-TEST(Events, AtTheInstantOfACommandHappenBeforeIt) {
-  for (const char* const instant : {"0.7", "1", "1.3", "2.1", "3"}) {
-    for (const StepperKind stepper :
-         {StepperKind::kAuto, StepperKind::kRadau, StepperKind::kDopri5, StepperKind::kFehlberg78,
-          StepperKind::kRk4, StepperKind::kTaylorFixed}) {
-      SCOPED_TRACE(std::string(instant) + toString(stepper));
-      Simulation simulation(test::withStepper(
-          test::sceneFromText(
-              "a 1", {"m on a: sin(t) - 0.3*w_a + k"},
-              "inputs: [u]\nu: {topic: u, initial: 0}\nvariables: [k]\nk: {initial: "
-              "1}\nevents: [e]\ne: {when: \"t - " +
-                  std::string(instant) + "\", direction: rising, set: {k: \"k + u\"}}"),
-          stepper));
-      ASSERT_TRUE(simulation.advanceTo(std::stod(instant)).ok());
-      simulation.command(0, 0.25);
-      ASSERT_TRUE(simulation.advanceTo(4.0).ok());
-      EXPECT_EQ(variableOf(simulation, "k"), 1.0);
-    }
-  }
-}
-
 TEST(Events, JumpAsCommandsDo) {
   const std::string scene =
       sceneText("a 1, b 2", {"pull on a: 4*gas - 0.1*w1", "drag on b: -0.3*w2 + gas^2",
@@ -190,21 +122,6 @@ rise: {when: "t - 0.75", set: {gas: 3}}
       EXPECT_NEAR(set.sample().reaction_torque[i], commanded.sample().reaction_torque[i], 1e-7);
     }
   }
-}
-
-TEST(Events, ThatSetThemselvesOffAgainStopByName) {
-  Simulation simulation = simulate(R"yaml(
-shafts: [load]
-load: {inertia: 1}
-states: [x]
-x: {rate: 1}
-events: [flip]
-flip: {when: "x - 1", set: {x: "1 - 2*(x - 1) + if(x < 1, 1e-3, -1e-3)"}}
-)yaml");
-  EXPECT_FALSE(simulation.advanceTo(3.0).ok());
-  EXPECT_EQ(simulation.status().reason, StopReason::kChattering);
-  EXPECT_NE(simulation.describeStatus().find("'flip'"), std::string::npos)
-      << simulation.describeStatus();
 }
 
 TEST(Events, GoOnFromASavedState) {
@@ -247,26 +164,6 @@ TEST(Controllers, HoldASpeedWithinTheirLimits) {
     EXPECT_NEAR(simulation.sample().velocity[0], x[0], 1e-8);
     EXPECT_NEAR(stateOf(simulation, "speed_integral"), x[1], 1e-8);
   }
-}
-
-// I' = (u - v)/tracking_time, u = 3, v = e + I, e = 5 - 3 t
-TEST(Controllers, FollowTheirLimitsWithoutAnIntegralGain) {
-  Simulation simulation = simulate(sceneText("a 1", {"motor on a: c"},
-                                             "states: [c]\nc: {type: pid, error: \"5 - w_a\", kp: "
-                                             "1, limits: [-3, 3], tracking_time: 0.5}"));
-  ASSERT_TRUE(simulation.advanceTo(0.4).ok()) << simulation.describeStatus();
-  // I' = -2 I - 4 + 6 t
-  EXPECT_NEAR(stateOf(simulation, "c_integral"), 3.5 * (std::exp(-0.8) - 1.0) + 3.0 * 0.4, 1e-10);
-}
-
-// f' = (1 - f)/T from f = 0, u = f'
-TEST(Controllers, BeginWithAFilterOfZero) {
-  Simulation simulation =
-      simulate(sceneText("a 1", {"motor on a: c"},
-                         "states: [c]\nc: {type: pid, error: \"1\", kd: 1, derivative_time: 0.2}"));
-  EXPECT_NEAR(simulation.sample().acceleration[0], 5.0, 1e-12);
-  ASSERT_TRUE(simulation.advanceTo(0.3).ok()) << simulation.describeStatus();
-  EXPECT_NEAR(simulation.sample().acceleration[0], 5.0 * std::exp(-1.5), 1e-9);
 }
 
 // --- what observers read -------------------------------------------------------------------------

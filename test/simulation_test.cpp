@@ -2,7 +2,6 @@
 // stop has a name, bad values are rejected. (test/stress/repeatability_test.cpp has that samples,
 // cuts, resets and repeated commands change no bit.)
 
-#include "support/faults.h"
 #include "support/scenes.h"
 #include "variator_sim/interruption.h"
 
@@ -50,20 +49,6 @@ TEST(Simulation, AZeroOrderCommandAtTimeZeroIsTheInitialValue) {
   const double c1 = -0.4 + 0.01 * (2.0 * with.acceleration[0] + with.acceleration[1]);
   const double c2 = 0.5 + 0.01 * with.acceleration[0];
   EXPECT_NEAR(c2 * with.reaction_torque[0] - c1 * with.reaction_torque[1], 0.0, 1e-12);
-}
-
-TEST(Simulation, AnOverdueCommandIsZeroedAtItsInstant) {
-  Simulation simulation(test::sceneFromText(
-      "drive 2", {"motor on drive from torque, timeout: 0.5, on_timeout: zero"}));
-  simulation.advanceTo(1.0);
-  EXPECT_EQ(simulation.statistics().command_timeouts, 0u);  // no command yet, nothing overdue
-  simulation.command(0, 4.0);
-  simulation.advanceTo(1.25);
-  EXPECT_EQ(simulation.sample().applied_torque[0], 4.0);
-  simulation.advanceTo(3.0);
-  EXPECT_EQ(simulation.sample().applied_torque[0], 0.0);
-  EXPECT_NEAR(simulation.sample().velocity[0], 4.0 / 2.0 * 0.5, 1e-12);
-  EXPECT_EQ(simulation.statistics().command_timeouts, 1u);
 }
 
 TEST(Simulation, IsQuietUntilTheNextStepACommandOrItsTimeout) {
@@ -114,47 +99,6 @@ TEST(Simulation, ATorqueOfTimeAloneIsSeenByEveryStepper) {
 }
 
 // --- starts -----------------------------------------------------------------------------------
-std::string startScene(const std::string& initial, const std::string& torque = "1") {
-  return test::sceneText("drive 1.5, load 1.5",
-                         {std::string("motor on drive: ") + torque, "variator: e1^2+e2^2-4"},
-                         std::string("initial: ") + initial);
-}
-
-TEST(InitialConditions, InconsistentOnesNameResidualAndNearest) {
-  // 2 (1.2, 1.7) / |(1.2, 1.7)|
-  test::expectRefused(
-      "initial/acceleration", {"'variator' = 0.33", "[1.153", "initial/project"},
-      [] { Simulation simulation(test::sceneFromText(startScene("{acceleration: [1.2, 1.7]}"))); });
-}
-
-TEST(InitialConditions, AGivenReactionIsData) {
-  // psi = 0 holds but R is not in range(C^T): no error, and R is kept.
-  Simulation simulation(test::sceneFromText(startScene("{acceleration: [0, 2]}")));
-  EXPECT_EQ(simulation.sample().reaction_torque[0], -1.0);
-  EXPECT_EQ(simulation.sample().reaction_torque[1], 3.0);
-}
-
-TEST(InitialConditions, LeastReactionIsStationaryAndLeast) {
-  Simulation simulation(test::sceneFromText(startScene("{velocity: [1, 1]}", "30")));
-  const Sample& s = simulation.sample();
-  // free acceleration (20, 0): the nearest point of the circle is (2, 0)
-  EXPECT_NEAR(s.acceleration[0], 2.0, 1e-14);
-  EXPECT_NEAR(s.acceleration[1], 0.0, 1e-14);
-}
-
-TEST(InitialConditions, LeastReactionIsFoundFromASingularStart) {
-  // J = diag(1, 2): without torque C = 0 at the free accelerations, and of the points of
-  // 4 eps1^2 + eps2^2 = 4 those with eps1 = 1 or -1 have the least reaction; the quadratic term
-  // decides between them.
-  Simulation simulation(
-      test::sceneFromText("drive 1, load 2", {"variator: 4*e1^2+e2^2+0.1*e1^3-4"}));
-  ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();
-  const double e1 = simulation.sample().acceleration[0];
-  EXPECT_NEAR(4.0 * e1 * e1 + 0.1 * e1 * e1 * e1, 4.0, 1e-12);
-  EXPECT_GT(e1, 0.0);
-  EXPECT_NEAR(simulation.sample().acceleration[1], 0.0, 1e-12);
-}
-
 TEST(InitialConditions, LeastReactionIsFoundFarFromTheFreeAccelerations) {
   // An elastic coupling's torque alone would give the light shaft 600 rad/s^2, where the cubic psi
   // is steep; plain Newton from there goes astray.
@@ -173,11 +117,6 @@ TEST(InitialConditions, LeastReactionIsFoundFarFromTheFreeAccelerations) {
   const double C1 = 0.5 * (-0.22 * g + (e2 - 0.22 * e1) * 0.04 * e1);
   const double C2 = 0.5 * (g + (e2 - 0.22 * e1) * 0.04 * e2);
   EXPECT_NEAR((C2 * s.reaction_torque[0] - C1 * s.reaction_torque[1]) / 6000.0, 0.0, 1e-12);
-}
-
-TEST(InitialConditions, ImpossibleOnesAreAnError) {
-  EXPECT_THROW(Simulation(test::sceneFromText("drive 1, load 1", {"variator: e1^2+e2^2+4"})),
-               SceneError);
 }
 
 // --- stops ------------------------------------------------------------------------------------

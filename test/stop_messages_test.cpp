@@ -1,5 +1,4 @@
-// Stop messages whose values help, and what is told of starts (test/known_motions.yaml has the
-// words of stops).
+// Stop messages whose values help (test/known_motions.yaml has the words of all).
 
 #include "support/clutch.h"
 #include "support/scenes.h"
@@ -91,39 +90,6 @@ TEST(Friction, WarnsOfAStaticTorqueThatIsNeverReached) {
   EXPECT_TRUE(warningsOf("stribeck_speed: 0.01, regularization_speed: 0.0003").empty());
   EXPECT_EQ(warningsOf("stribeck_speed: 0.05, regularization_speed: 0.01").size(), 1U);
   EXPECT_TRUE(warningsOf("stribeck_speed: 0.1, regularization_speed: 0.01").empty());
-}
-
-/// Returns the message of a start beside a brake: of a stop at once, or of a refusal.
-std::string startBesideABrake(const std::string& torque, const std::string& psi,
-                              const std::string& velocity) {
-  const std::string scene = sceneText(
-      "a 1, b 2, spare 1",
-      {"q on a: " + torque, "brake = Brake, shaft: spare, capacity: 5",
-       std::string("belt of order ") + (psi.find('e') == std::string::npos ? "1: " : "2: ") + psi},
-      "verify_derivatives: false\ninitial: {velocity: " + velocity + "}");
-  try {
-    return stopOf(scene, 0.1);
-  } catch (const SceneError& error) {
-    return error.keyPath() + ": " + error.what();
-  }
-}
-
-TEST(BesideABrake, StartsTellTheirFaultAndAWayOut) {
-  EXPECT_EQ(startBesideABrake("1", "w2 - 0.5*w1", "[2, 1, 0]"), "");
-  const std::string moved = startBesideABrake("1", "w2 - 0.5*w1", "[2, 3, 0]");
-  expectText(moved, "initial/velocity: ");
-  expectText(moved,
-             "[2, 3, 0] does not satisfy the constraints: residual of 'belt' = 2; "
-             "consistent velocities near them are [3.33333333333333");
-  expectText(moved, "'initial/project: true'");
-  expectText(startBesideABrake("1", "w1^2 + w2^2 + 4", "[2, 3, 0]"),
-             "no velocities that satisfy the constraints were found near those given");
-  const std::string undefined = startBesideABrake("log(w_a)", "e2 - e1", "[0, 1, 0]");
-  expectText(undefined, "NonFiniteValue at t = 0 s");
-  expectText(undefined, "torque 'q', its log(w_a)");
-  const std::string singular = startBesideABrake("1", "t*(e2 - e1)", "[2, 1, 0]");
-  expectText(singular, "SingularConstraint at t = 0 s");
-  expectText(singular, "constraint 'belt'");
 }
 
 }  // namespace
