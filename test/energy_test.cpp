@@ -1,5 +1,5 @@
-// The energy account: against closed forms and a quadrature of the samples' own columns; samples
-// change neither the motion nor the account.
+// The energy account: against closed forms and a quadrature of the samples' own columns.
+// (test/stress/repeatability_test.cpp has that samples change neither the motion nor the account.)
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -225,79 +225,6 @@ TEST(Energy, GoesOnAtRest) {
   waking.command(0, 20.0);
   expectSame(301.5);
   expectSame(320.0);
-}
-
-TEST(Energy, StartsAnewWithTheMotion) {
-  Simulation simulation = tracked(test::sceneFromText(kSlippingRest));
-  std::vector<Energy> first;
-  const auto run = [&] {
-    std::vector<Energy> energies;
-    for (double t : {0.0, 0.1, 2.0}) energies.push_back(energyAt(simulation, t));
-    simulation.command(0, 25.0);
-    for (double t : {2.0, 2.2, 9.0}) energies.push_back(energyAt(simulation, t));
-    return energies;
-  };
-  first = run();
-  EXPECT_EQ(first[0].applied, 0.0);
-  EXPECT_EQ(first[0].reactions, 0.0);
-  EXPECT_EQ(first[0].kinetic, 0.5 * (0.8 * 25.0 + 2.0 * 4.0));
-  simulation.reset();
-  const std::vector<Energy> second = run();
-  for (std::size_t n = 0; n < first.size(); ++n) {
-    EXPECT_EQ(first[n].kinetic, second[n].kinetic) << n;
-    EXPECT_EQ(first[n].applied, second[n].applied) << n;
-    EXPECT_EQ(first[n].reactions, second[n].reactions) << n;
-    EXPECT_EQ(first[n].applied_power, second[n].applied_power) << n;
-    EXPECT_EQ(first[n].reaction_power, second[n].reaction_power) << n;
-  }
-}
-
-// --- beside the motion ------------------------------------------------------------------------
-std::vector<Sample> run(const Scene& scene, bool tracks, double interval) {
-  Simulation simulation{Scene(scene)};
-  simulation.trackEnergy(tracks);
-  std::vector<Sample> samples;
-  for (int n = 0; n <= 80; ++n) {
-    const double t = 0.1 * n;
-    while (simulation.time() < t && simulation.status().ok()) {
-      simulation.advanceTo(std::min(t, simulation.time() + interval));
-      if (interval < 0.1) simulation.energy();
-    }
-    if (n % 10 == 3 && simulation.scene().inputCount() > 0) simulation.command(0, 10.0 + n);
-    samples.push_back(simulation.sample());
-  }
-  EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
-  return samples;
-}
-
-TEST(Energy, ChangesNoBitOfTheMotion) {
-  for (StepperKind stepper : kSteppers) {
-    for (const std::string& text : {kVaryingRatio, kCrank, kSlippingRest}) {
-      for (Principle principle : {Principle::kGeneralizedGauss, Principle::kGauss}) {
-        const Scene scene =
-            withPrinciple(test::withStepper(test::sceneFromText(text), stepper), principle);
-        std::vector<Sample> plain = run(scene, false, 0.1);
-        for (double interval : {0.1, 0.03}) {
-          std::vector<Sample> seen = run(scene, true, interval);
-          for (std::size_t n = 0; n < plain.size(); ++n) {
-            seen[n].energy = plain[n].energy;
-            ASSERT_EQ(std::memcmp(&plain[n], &seen[n], sizeof(Sample)), 0) << n;
-          }
-        }
-      }
-    }
-  }
-}
-
-TEST(Energy, DoesNotDependOnWhoLooks) {
-  for (StepperKind stepper : kSteppers) {
-    const Scene scene = test::withStepper(test::sceneFromText(kVaryingRatio), stepper);
-    const std::vector<Sample> sparse = run(scene, true, 0.1);
-    const std::vector<Sample> dense = run(scene, true, 0.007);
-    for (std::size_t n = 0; n < sparse.size(); ++n) {
-      ASSERT_EQ(std::memcmp(&sparse[n].energy, &dense[n].energy, sizeof(Energy)), 0) << n;
-    }
-  }
 }
 
 // --- the doubt --------------------------------------------------------------------------------

@@ -83,27 +83,6 @@ TEST_P(ErrorEstimates, GoOnAcrossACommand) {
 INSTANTIATE_TEST_SUITE_P(, ErrorEstimates, testing::ValuesIn(kSteppers),
                          [](const auto& test) { return std::string(toString(test.param)); });
 
-TEST(ErrorEstimate, ChangesNoBitOfTheMotion) {
-  const std::string scene = freeShaft("5*sign(sin(3*t)) - 0.5*w1*abs(w1) + 2*max(0, sin(4*phi1))");
-  Simulation plain(test::sceneFromText(scene));
-  Simulation estimated(test::sceneFromText(scene));
-  estimated.estimateErrors(true);
-  for (int round = 0; round < 2; ++round) {
-    for (double time = 0.0; time < 5.0; time += 0.173) {
-      plain.advanceTo(time);
-      estimated.advanceTo(time);
-      const Sample& a = plain.sample();
-      const Sample& b = estimated.sample();
-      EXPECT_EQ(a.angle[0], b.angle[0]) << time;
-      EXPECT_EQ(a.velocity[0], b.velocity[0]) << time;
-      EXPECT_EQ(a.acceleration[0], b.acceleration[0]) << time;
-      EXPECT_EQ(a.angle_error[0], 0.0);
-    }
-    plain.reset();
-    estimated.reset();
-  }
-}
-
 TEST(ErrorEstimate, IsTheSameAfterAReset) {
   Simulation simulation(test::withStepper(test::sceneFromText(kCircle), StepperKind::kRadau));
   simulation.estimateErrors(true);

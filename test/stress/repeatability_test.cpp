@@ -167,6 +167,24 @@ Record playThrough(const Play& play, const Player::Between& between = nullptr) {
   Simulation simulation(play.scene);
   return playThrough(play, simulation, between);
 }
+/// With an account of energy in its samples.
+Record playTracked(const Play& play, const Player::Between& between = nullptr) {
+  Simulation simulation(play.scene);
+  simulation.trackEnergy(true);
+  return playThrough(play, simulation, between);
+}
+/// The motion alone: without energies and estimated errors.
+Record motionOf(Record record) {
+  for (Sample& sample : record.samples) {
+    sample.energy = {};
+    for (double* const errors :
+         {sample.angle_error, sample.velocity_error, sample.acceleration_error}) {
+      std::fill_n(errors, kMaxShafts, 0.0);
+    }
+    std::fill_n(sample.state_error, kMaxInputs, 0.0);
+  }
+  return record;
+}
 
 /// How many samples differ in some byte, or that the ends do.
 int countDifferences(const Record& a, const Record& b) {
@@ -213,19 +231,22 @@ TEST(Repeatability, RunAgain) {
   });
 }
 
-// Samples, cuts and questions may not change the motion.
+// Samples, cuts and questions may not change the motion, nor the account of its energy.
 TEST(Repeatability, SamplingAndCutting) {
   Hazard sampling("repeatability", "sampled n times between records, differences", "1 .. 1000");
   Hazard cutting("repeatability", "advances cut at random, down to 1e-15 s, differences", "");
   Hazard asking("repeatability", "asked for everything on the way, differences", "");
   forEachRun([&](const Play& play, const std::string& label) {
-    const Record reference = playThrough(play);
+    const Record plain = playThrough(play);
+    const Record reference = playTracked(play);
+    asking.judge(countDifferences(motionOf(reference), plain), label + ", energy", kNone);
     for (int rate :
          isLongForm() ? std::vector<int>{1, 2, 3, 17, 100, 1000} : std::vector<int>{1, 23}) {
-      const Record sampled = playThrough(play, [&](Simulation& simulation, double from, double to) {
+      const Record sampled = playTracked(play, [&](Simulation& simulation, double from, double to) {
         for (int n = 0; n <= rate; ++n) {
           simulation.advanceTo(from + (to - from) * n / (rate + 1));
           simulation.sample();
+          simulation.energy();
         }
       });
       sampling.judge(countDifferences(sampled, reference), label + ", " + std::to_string(rate),
@@ -234,7 +255,7 @@ TEST(Repeatability, SamplingAndCutting) {
     for (std::uint64_t seed = 1; seed <= sizeOf<std::uint64_t>(2, 20); ++seed) {
       Random random(seed);
       const auto draw = [&] { return random.between(0.0, 1.0); };
-      const Record cut = playThrough(play, [&](Simulation& simulation, double from, double to) {
+      const Record cut = playTracked(play, [&](Simulation& simulation, double from, double to) {
         for (int n = 0; n < 8; ++n) {
           // somewhere, or just beyond or before where it is: nothing moves backwards
           const double where = draw();
@@ -248,7 +269,9 @@ TEST(Repeatability, SamplingAndCutting) {
       cutting.judge(countDifferences(cut, reference), label + ", seed " + std::to_string(seed),
                     kNone);
     }
-    const Record asked = playThrough(play, [&](Simulation& simulation, double from, double to) {
+    Simulation estimating(play.scene);
+    estimating.estimateErrors(true);
+    const auto ask = [&](Simulation& simulation, double from, double to) {
       simulation.advanceTo(from + 0.37 * (to - from));
       simulation.describeStatus();
       simulation.describeStepper();
@@ -258,8 +281,13 @@ TEST(Repeatability, SamplingAndCutting) {
       simulation.statistics();
       simulation.isSleeping();
       simulation.scene();
-    });
-    asking.judge(countDifferences(asked, reference), label, kNone);
+      for (const QuantityGroup group : kQuantityGroups) {
+        std::vector<double> values(simulation.quantityNames(group).size());
+        simulation.calcQuantities(group, values.data());
+      }
+    };
+    asking.judge(countDifferences(motionOf(playThrough(play, estimating, ask)), plain), label,
+                 kNone);
   });
 }
 
@@ -287,8 +315,9 @@ TEST(Repeatability, RepeatedAndRefusedCommands) {
 TEST(Repeatability, Reset) {
   Hazard hazard("repeatability", "after a reset, differences", "before, within and after a run");
   forEachRun([&](const Play& play, const std::string& label) {
-    const Record reference = playThrough(play);
+    const Record reference = playTracked(play);
     Simulation simulation(play.scene);
+    simulation.trackEnergy(true);
     simulation.reset();
     hazard.judge(countDifferences(playThrough(play, simulation), reference), label + ", unused",
                  kNone);
