@@ -1,5 +1,6 @@
 // The reference cases: motions computed in multiple precision by an independent implementation,
-// given to 20 digits. Every published quantity must agree to 1e-8 at tolerance 1e-11.
+// given to 20 digits. Every published quantity must agree to 1e-9 at tolerance 1e-11, of the crank
+// and of multipliers to 1e-8.
 
 #include <filesystem>
 #include <tuple>
@@ -38,6 +39,7 @@ class Cases : public testing::TestWithParam<std::tuple<const char*, StepperKind>
 TEST_P(Cases, AgreeWithTheReference) {
   const auto [name, stepper] = GetParam();
   const std::string folder = casePath(name);
+  const double allowed = std::string(name) == "crank_elastic" ? 1e-8 : 1e-9;
   Scene scene = test::withTolerance(test::sceneFromFile(folder + "/scene.yaml"), 1e-11);
   scene.solver.stepper = stepper;
   Simulation simulation(std::move(scene));
@@ -70,13 +72,13 @@ TEST_P(Cases, AgreeWithTheReference) {
     const Sample& ours = simulation.sample();
     SCOPED_TRACE(testing::Message() << "t = " << time);
     ASSERT_EQ(ours.time, time);
-    compareColumn(sample, "angle", ours.angle, 1e-8);
-    compareColumn(sample, "velocity", ours.velocity, 1e-8);
-    compareColumn(sample, "acceleration", ours.acceleration, 1e-8);
-    compareColumn(sample, "applied_torque", ours.applied_torque, 1e-8);
-    compareColumn(sample, "reaction_torque", ours.reaction_torque, 1e-8);
+    compareColumn(sample, "angle", ours.angle, allowed);
+    compareColumn(sample, "velocity", ours.velocity, allowed);
+    compareColumn(sample, "acceleration", ours.acceleration, allowed);
+    compareColumn(sample, "applied_torque", ours.applied_torque, allowed);
+    compareColumn(sample, "reaction_torque", ours.reaction_torque, allowed);
     const bool classical = simulation.scene().principle == Principle::kGauss;
-    compareColumn(sample, "reaction_torque_rate", ours.reaction_torque_rate, 1e-8, classical);
+    compareColumn(sample, "reaction_torque_rate", ours.reaction_torque_rate, allowed, classical);
     compareColumn(sample, "multiplier", ours.multiplier, 1e-8, classical);
     compareColumn(sample, "residual", ours.residual, 1e-12);
   }
