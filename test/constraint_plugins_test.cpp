@@ -1,12 +1,11 @@
 // The ready-made constraints against the same formulas typed into a scene, in rows and in motion;
-// jumps of a commanded ratio against fast ramps; derivatives of the rows by the state and what they
-// depend on; faults of their keys; that the documentation's examples are read; and that formulas
-// are loaded whose derivatives differences cannot resolve.
+// jumps of a commanded ratio against fast ramps; derivatives of the rows by the state; faults of
+// their keys; that the documentation's examples are read; and that formulas are loaded whose
+// derivatives differences cannot resolve.
 
 #include <set>
 
 #include "support/count_allocations.h"
-#include "support/dependence.h"
 #include "support/documents.h"
 #include "support/faults.h"
 #include "support/scenes.h"
@@ -117,79 +116,6 @@ TEST(Plugins, AllocateNothing) {
   }
 }
 #endif
-
-/// A ready-made constraint in one of its forms, and what it states.
-struct Statement {
-  const char* plugin;
-  bool time;
-  bool constant_C;
-};
-
-const char* const kImposed = "ImposedJerk, shaft: load, velocity_change: 20, duration: 4, start: 0";
-
-const Statement kStatements[] = {
-    {"KinematicRatio, shafts: [load, drive], ratio: 0.6", false, true},
-    {"KinematicRatio, shafts: [drive, load], ratio: {times: [-1, 2, 5], values: [0.4, 0.8, 0.6]}",
-     true, false},
-    {"KinematicRatio, shafts: [drive, load], ratio: {topic: u, hold: second_order_lag, "
-     "time_constant: 0.3}",
-     false, false},
-    {"VBeltRatio, shafts: [drive, load], ratio_low: 0.4, ratio_high: 1.3, speed: 4, width: 0.7",
-     false, false},
-    {"VBeltRatio, shafts: [load, drive], ratio_low: 0.4, ratio_high: 1.3, speed: 4, width: 0.7, "
-     "load: {times: [-1, 2, 5], values: [4, 8, 6]}, load_torque: 11",
-     true, false},
-    {"VBeltRatio, shafts: [drive, load], ratio_low: 0.4, ratio_high: 1.3, speed: 4, width: 0.7, "
-     "load: {topic: u, hold: second_order_lag, time_constant: 0.3}, load_torque: 11",
-     false, false},
-    {"SlipRatio, shafts: [load, drive], time_constant: 0.2, ratio: 0.6", false, true},
-    {"SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: {times: [-1, 2, 5], values: "
-     "[0.4, 0.8, 0.6]}",
-     true, false},
-    {"SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: {topic: u}", false, false},
-    {"AccelerationMagnitude, shafts: [drive, load], magnitude: 2", false, false},
-    {"PowerFlow, shafts: [drive, load], inertias: [0.8, 2], power: 30", false, false},
-    {"PowerFlow, shafts: [drive, load], inertias: [0.8, 2], power: {times: [-1, 2, 5], values: "
-     "[4, 8, 6]}",
-     true, false},
-    {"PowerFlow, shafts: [drive, load], inertias: [0.8, 2], power: {topic: u}", false, false},
-    {"PowerFlow, shafts: [drive, load], inertias: [0.8, 2], efficiency: 0.8, smoothing_power: 3",
-     false, false},
-    {"TractionCurve, shafts: [load, drive], ratio: 0.6, inertia: 2, nominal_torque: 20, "
-     "nominal_slip: 0.05, sharpness: 1.5, load: 1, load_square: 0.02, regularization_speed: 2",
-     false, false},
-    {"TractionCurve, shafts: [drive, load], ratio: {topic: u}, inertia: 2, nominal_torque: 20, "
-     "nominal_slip: 0.05, load: {times: [-1, 2, 5], values: [4, 8, 6]}",
-     true, false},
-    {"TractionCurve, shafts: [drive, load], ratio: {times: [-1, 2, 5], values: [0.4, 0.8, 0.6]}, "
-     "inertia: 2, nominal_torque: 20, nominal_slip: 0.05, load: {topic: u}",
-     true, false},
-    {"ImposedJerk, shaft: load, jerk: 1.5", false, true},
-    {"ImposedJerk, shaft: drive, jerk: {topic: u}", false, true},
-    {"ImposedJerk, shaft: load, jerk: {times: [-1, 2, 5], values: [0, 5, 0]}", true, true},
-    {kImposed, true, true},
-    {"JerkLimit, shaft: load, limit: 4, time_constant: 0.3, acceleration: 2", false, true},
-    {"JerkLimit, shaft: drive, limit: 4, time_constant: 0.3, acceleration: {topic: u}", false,
-     true},
-    {"JerkLimit, shaft: load, limit: 4, time_constant: 0.3, acceleration: {times: [-1, 2, 5], "
-     "values: [0, 5, 0]}",
-     true, true},
-};
-
-TEST(Plugins, DependOnWhatTheyState) {
-  std::set<std::string> types{"variator_sim/ExpressionConstraint"};
-  for (const Statement& statement : kStatements) {
-    SCOPED_TRACE(statement.plugin);
-    const std::string plugin = statement.plugin;
-    types.insert("variator_sim/" + plugin.substr(0, plugin.find(',')));
-    const Scene scene = sceneOf(plugin);
-    const Constraint& it = *scene.constraints[0];
-    EXPECT_TRUE((dependenceOf(it) == Dependence{statement.time, false}));
-    EXPECT_EQ(it.hasConstantJacobian(), statement.constant_C);
-  }
-  const std::vector<std::string> all = BuiltinComponentFactory().constraintTypes();
-  EXPECT_EQ(types, std::set<std::string>(all.begin(), all.end()));
-}
 
 TEST(Plugins, MoveAsTheirFormulas) {
   for (const Twin& twin : kTwins) {

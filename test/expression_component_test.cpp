@@ -1,6 +1,5 @@
 // The constraint and the torque that a scene states as formulas: what they compute, and what they
 // say about formulas and parameters that are wrong.
-#include "support/dependence.h"
 #include "support/faults.h"
 #include "support/scenes.h"
 #include "variator_sim/laws.h"
@@ -146,41 +145,6 @@ TEST(ExpressionConstraint, KnowsWhenItIsLinearInTheAcceleration) {
   EXPECT_TRUE(is_linear("e2 - abs(w1)*e1 + max(t, 1)"));
 }
 
-/// A formula, and what is stated of it.
-struct Statement {
-  int order;
-  const char* formula;
-  Dependence dependence;
-  bool constant_C;
-};
-
-const Statement kStatements[] = {
-    {1, "w2-0.6*w1", {false, false}, true},
-    {1, "w2-0.6*w1+sin(phi1)*w3", {false, true}, false},
-    {1, "w2-0.6*w1+sin(2*t)+phi3^2", {true, true}, true},
-    {1, "w2-(0.4+0.45*(1+tanh((w1/4)^2-1)))*w1+exp(0.3*sin(t)*phi1)", {true, true}, false},
-    {2, kShip, {true, false}, false},
-    {2, "0.2*(e2-0.6*e1)+w2-0.6*w1", {false, false}, true},
-    {2, "e1^2+e3^2-4", {false, false}, false},
-    {2, "3*e2+w1*w2*cos(phi3)-phi1*w3^2", {false, true}, true},
-    {2, "e1*cos(phi1)*t^2+phi2*w1*e2^3+exp(0.1*w2)+e2*t/(1+e3^2)", {true, true}, false},
-    {3, "j2-4*tanh((2-e2)/1.2)", {false, false}, true},
-    {3, "j2-sin(t)*j1", {true, false}, false},
-    {3, "e1*e2*j1+cos(w3)*j3+e3^2*phi1*w1", {false, true}, false},
-};
-
-TEST(ExpressionConstraint, DependsOnWhatItReads) {
-  const std::vector<std::string> shafts{"a", "b", "c"};
-  for (const Statement& statement : kStatements) {
-    SCOPED_TRACE(statement.formula);
-    const bool reads_tau = std::string(statement.formula).find("tau") != std::string::npos;
-    const auto constraint = constraintOf(
-        statement.formula, reads_tau ? ", parameters: {tau: 0.2}" : "", statement.order, shafts);
-    EXPECT_TRUE(dependenceOf(*constraint) == statement.dependence);
-    EXPECT_EQ(constraint->hasConstantJacobian(), statement.constant_C);
-  }
-}
-
 // A ratio that is switched by a steep logistic: its exp overflows long before, nearly overflows
 // shortly before, and the row is that of the ratio in force.
 TEST(ExpressionConstraint, HasARowWhereAnExponentialOverflows) {
@@ -305,28 +269,6 @@ TEST(ExpressionTorque, RateIsTheTotalDerivative) {
   EXPECT_NEAR(rate[0], expected, 1e-8);
   EXPECT_GT(std::abs(expected), 1.0);
   EXPECT_EQ(rate[1], 0.0);
-}
-
-TEST(ExpressionTorque, DependsOnWhatItReads) {
-  struct Formula {
-    const char* text;
-    Dependence torque;
-    Dependence rate;
-  };
-  const Formula formulas[] = {
-      {"-3.5", {false, false}, {false, false}},
-      {"2*t", {true, false}, {false, false}},
-      {"-40*(phi1-phi2)-3*w2", {false, true}, {false, false}},
-      {"-0.02*w2^2", {false, false}, {false, false}},
-      {"t^2*sin(phi2)-w2*phi1", {true, true}, {true, true}},
-      {"12*((50-w1)/50)/(((50-w1)/50)^2+0.04)*tanh(t)", {true, false}, {true, false}},
-  };
-  for (const Formula& formula : formulas) {
-    SCOPED_TRACE(formula.text);
-    const auto torque = torqueOf(formula.text);
-    EXPECT_TRUE(dependenceOf(*torque) == formula.torque);
-    EXPECT_TRUE(dependenceOfRate(*torque) == formula.rate);
-  }
 }
 
 TEST(ExpressionTorque, OfAConstantHasNoRate) {

@@ -1,12 +1,11 @@
 // The torque laws: values against closed forms, rates against differences of those forms and of the
-// torque itself along a motion, the derivatives of the rates by the state and what they depend on,
-// what happens at rest, at the ends of tables and far away, every fault of their keys, and that the
-// documentation's examples are read.
+// torque itself along a motion, the derivatives of the rates by the state, what happens at rest, at
+// the ends of tables and far away, every fault of their keys, and that the documentation's examples
+// are read.
 
 #include <set>
 
 #include "support/count_allocations.h"
-#include "support/dependence.h"
 #include "support/documents.h"
 #include "support/faults.h"
 #include "support/scenes.h"
@@ -906,95 +905,6 @@ TEST(Documentation, ExamplesRunTogether) {
     }
     ASSERT_TRUE(simulation.advanceTo(0.1 * n).ok()) << simulation.describeStatus();
   }
-}
-
-// ------------------------------------------------------------------------------------- all
-// elements
-
-/// An element, and what it states of Q and Q'.
-struct Statement {
-  const char* element;
-  Dependence torque;
-  Dependence rate;
-};
-
-constexpr Dependence kNothing{false, false};
-constexpr Dependence kTime{true, false};
-constexpr Dependence kAngle{false, true};
-constexpr Dependence kBoth{true, true};
-
-const Statement kStatements[] = {
-    {"CommandedTorque, shaft: load, topic: u, gain: 3", kNothing, kNothing},
-    {"CuttingTorque, shaft: drive, torque: 30, begin: 1, ramp: 2, end: 4, regularization_speed: 30",
-     kTime, kTime},
-    {"CuttingTorque, shaft: load, torque: 30, begin: 1, ramp: 2, end: 4, regularization_speed: 30, "
-     "tooth_passing: {teeth: 4, amplitude: 0.3, phase: 0.2}",
-     kBoth, kBoth},
-    {"DieselEngine, shaft: drive, full_load: {speed: [20, 30, 45, 60], torque: [10, 60, 80, 0]}, "
-     "rack: 0.4",
-     kNothing, kNothing},
-    {"DieselEngine, shaft: load, full_load: {speed: [-60, -45, -30, 0], torque: [10, 60, 80, 0]}, "
-     "rack: {topic: u}, friction: {constant: 4, linear: 0.1, regularization_speed: 40}, "
-     "idle_governor: {speed: 20, band: 70}",
-     kNothing, kNothing},
-    {"ElasticCoupling, shafts: [drive, load], stiffness: 40, damping: 3, ratio: -1.7", kAngle,
-     kNothing},
-    {"ElasticCoupling, shafts: [load, drive], stiffness: 40", kAngle, kNothing},
-    {"ExpressionTorque, shaft: load, torque: \"sin(phi1-2*phi2)*w1-0.02*w2^2\"", kAngle, kAngle},
-    {"ExpressionTorque, shaft: drive, torque: \"4*phi1-0.02*w1^3\"", kAngle, kNothing},
-    {"ExpressionTorque, shaft: drive, torque: \"3*t-0.02*w1^3\"", kTime, kNothing},
-    {"Friction, shaft: load, coulomb: 3, static: 7, stribeck_speed: 25, viscous: 0.2, "
-     "regularization_speed: 30",
-     kNothing, kNothing},
-    {"Friction, shafts: [load, drive], ratio: 0.6, coulomb: 3, static: 7, stribeck_speed: 25, "
-     "viscous: 0.2, regularization_speed: 30",
-     kNothing, kNothing},
-    {"Friction, shafts: [drive, load], coulomb: 3, regularization_speed: 30", kNothing, kNothing},
-    {"MotorCurve, shaft: drive, characteristic: kloss, breakdown_torque: 30, synchronous_speed: "
-     "50, critical_slip: 0.2",
-     kNothing, kNothing},
-    {"MotorCurve, shaft: load, direction: -1, characteristic: kloss, breakdown_torque: 30, "
-     "synchronous_speed: 50, critical_slip: 0.2, command: {topic: u}",
-     kNothing, kNothing},
-    {"MotorCurve, shaft: load, direction: -1, characteristic: table, command: {topic: u}, table: "
-     "{speed: [0, 30, 45, 60], torque: [10, 60, 80, 0]}",
-     kNothing, kNothing},
-    {"MotorCurve, shaft: load, direction: -1, characteristic: dc, stall_torque: 12, no_load_speed: "
-     "250, command: {topic: u}",
-     kNothing, kNothing},
-    {"MotorCurve, shaft: load, direction: -1, characteristic: dc, torque_constant: 0.12, "
-     "resistance: 0.5, voltage: {topic: u}",
-     kNothing, kNothing},
-    {"Propeller, shaft: load, coefficient: 0.02", kNothing, kNothing},
-    {"Propeller, shaft: load, torque_coefficient: 0.05, diameter: 0.3, advance: {speed: 4, slope: "
-     "0.04}, regularization_speed: 20",
-     kNothing, kNothing},
-    {"VehicleResistance, shaft: load, law: davis, wheel_radius: 0.5, ratio: -2, constant: 100, "
-     "linear: 3, quadratic: 2, regularization_speed: 8",
-     kNothing, kNothing},
-    {"VehicleResistance, shaft: drive, law: road, wheel_radius: 0.3, mass: 30, "
-     "rolling_coefficient: 0.1, drag_area: 0.6, regularization_speed: 8, grade: {time: [0, 1.9, "
-     "3.1, 6], grade: [0, 0.4, -0.3, 0]}",
-     kTime, kTime},
-};
-
-TEST(Laws, DependOnWhatTheyState) {
-  std::set<std::string> types;
-  for (const Statement& statement : kStatements) {
-    SCOPED_TRACE(statement.element);
-    const std::string element = statement.element;
-    const std::string type = "variator_sim/" + element.substr(0, element.find(','));
-    types.insert(type);
-    const TorquePtr torque = torqueOf(element);
-    EXPECT_TRUE(dependenceOf(*torque) == statement.torque);
-    EXPECT_TRUE(dependenceOfRate(*torque) == statement.rate);
-  }
-  // (Those that hold have a torque only with a mode.)
-  for (const char* name : {"Brake", "Clutch", "DogClutch", "EndStop", "OneWayClutch"}) {
-    types.insert(std::string("variator_sim/") + name);
-  }
-  const std::vector<std::string> all = BuiltinComponentFactory().torqueTypes();
-  EXPECT_EQ(types, std::set<std::string>(all.begin(), all.end()));
 }
 
 /// All elements of the documentation at extreme states, but for those that others cover.
