@@ -3,7 +3,6 @@
 
 #include <cstddef>
 
-#include "support/clutch.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -152,54 +151,6 @@ TEST(Crawls, AClutchBehindAGear) {
   }
 }
 
-// Rounding of 94 rad/s makes 1e-8 rad/s^2 of the accelerations, which is nothing beside the
-// torques that balance each other in them.
-TEST(Crawls, AClutchWhoseTorquesCancelKeepsItsTolerance) {
-  const Played regularized =
-      run(test::sceneFromText(test::withDryClutch("1e-3")), StepperKind::kAuto, 0.45);
-  ASSERT_TRUE(regularized.status.ok()) << regularized.text;
-  // A dry clutch that locks and slips by events.
-  EXPECT_NEAR(regularized.sample.velocity[0], 94.66966463, 2e-3);
-  EXPECT_NEAR(regularized.sample.velocity[2], 96.04620816, 2e-3);
-  EXPECT_LT(regularized.tried(), 1500U);
-  const Played narrow =
-      run(test::sceneFromText(test::withDryClutch("1e-4")), StepperKind::kAuto, 0.45, 10000);
-  EXPECT_TRUE(narrow.status.ok()) << narrow.text;
-}
-
-// A lag that moves drives nothing here, but for what a law reads of it: a motion that stands still
-// in a steep layer may read the time, too.
-TEST(Crawls, AShaftThatFrictionStopsWhileAnInputMoves) {
-  for (const std::string& principle : kPrinciples) {
-    for (const char* const width : {"1e-6", "1e-7", "1e-8"}) {
-      Scene scene = test::sceneFromText(
-          "inputs: [u]\nu: {topic: u, hold: first_order_lag, time_constant: 1}\n" +
-          shaft("1", std::string("100*if(u<1,1,2)-400*clamp(w1/") + width + ",-1,1)", 1e-8,
-                principle));
-      scene.solver.maximum_steps = kMostSteps;
-      Simulation simulation(test::withTolerance(scene, 1e-4));
-      simulation.command(0, 1.0);
-      EXPECT_TRUE(simulation.advanceTo(1.0).ok()) << width << simulation.describeStatus();
-      const Statistics& counts = simulation.statistics();
-      EXPECT_LT(counts.steps + counts.rejected_steps, 1500U) << principle << ' ' << width;
-      EXPECT_NEAR(simulation.sample().velocity[0], 0.0, 1e-5);
-    }
-  }
-}
-
-// The fan begins to turn. The polynomial through a long step is less exact than its speed is large
-// then, and seems to pass 0.
-TEST(Crawls, AShaftThatBeginsToTurn) {
-  for (const double tolerance : {1e-4, 1e-8, 1e-9, 1e-10}) {
-    Simulation simulation(test::withTolerance(application("starting_system"), tolerance));
-    simulation.advanceTo(1.0);
-    simulation.command(0, 1.0);
-    ASSERT_TRUE(simulation.advanceTo(20.0).ok()) << simulation.describeStatus();
-    EXPECT_LT(simulation.statistics().steps + simulation.statistics().rejected_steps, 500U)
-        << tolerance;
-  }
-}
-
 // A command each 10 ms begins the motion anew: steps of its length are good, and nothing is
 // learned by changing the stepper.
 TEST(Crawls, CommandsEach10Milliseconds) {
@@ -237,95 +188,6 @@ TEST(Crawls, ASlippingClutchAtALooseTolerance) {
     EXPECT_LT(simulation.statistics().steps, 600U) << tolerance;
     EXPECT_LT(simulation.statistics().rejected_steps, 60U) << tolerance;
   }
-}
-
-// A freewheel lets go, and two corners of the coupling's damping begin on their points: neither is
-// in the way of the other.
-TEST(Crawls, AFreewheelLetsGoInsideAGap) {
-  for (const char* const inertia : {"2", "1e6"}) {
-    for (const std::string& principle : kPrinciples) {
-      const std::string J = inertia;
-      const Played played =
-          run(test::sceneFromText(
-                  "a " + J + ", b " + J,
-                  {"m on a: cos(t)*" + J,
-                   "sp = ElasticCoupling, shafts: [a, b], stiffness: 1, damping: 1, gap: 0.2",
-                   "ow = OneWayClutch, shafts: [a, b]"},
-                  "principle: " + principle),
-              StepperKind::kAuto, 5.0);
-      ASSERT_TRUE(played.status.ok()) << played.text;
-      EXPECT_LT(played.tried(), 200U);
-      EXPECT_NEAR(played.sample.velocity[0] + played.sample.velocity[1], std::sin(5.0), 1e-7);
-    }
-  }
-}
-
-// A brake at the edge of its capacity lets a shaft off its stop while implicit steps are made: the
-// first coefficients of polynomials through stages do not tell to which side it goes.
-TEST(Crawls, ABrakeLetsAShaftOffItsStop) {
-  const std::string file = std::string(VARIATOR_SIM_TEST_DIR) + "/scenes/brake_on_a_stop.yaml";
-  for (const double tolerance : {1e-8, 1e-10, 1e-11, 1e-12}) {
-    const Played played =
-        run(test::withTolerance(test::sceneFromFile(file), tolerance), StepperKind::kAuto, 20.0);
-    ASSERT_TRUE(played.status.ok()) << played.text;
-    EXPECT_NEAR(played.sample.angle[0], -0.1, 1e-12) << tolerance;
-  }
-}
-
-// A reserve that is 0 but for the rounding of its last coefficients is known over the whole step.
-TEST(Crawls, ClutchesThatHoldNothingAtRest) {
-  const std::string file = std::string(VARIATOR_SIM_TEST_DIR) + "/scenes/two_clutches_at_rest.yaml";
-  for (const double tolerance : {1e-6, 1e-7, 1e-9}) {
-    const Played played =
-        run(test::withTolerance(test::sceneFromFile(file), tolerance), StepperKind::kAuto, 1.0);
-    ASSERT_TRUE(played.status.ok()) << played.text;
-    EXPECT_NEAR(played.sample.velocity[0], -0.23856130042, 20.0 * tolerance) << tolerance;
-  }
-}
-
-// Rounding of speeds of 500 rad/s moves the torque of what slips by 1e-7 rad/s: what it stirs up in
-// each step by series is no motion that these have to follow.
-TEST(Crawls, AContactStirredUpByRounding) {
-  const Played played = run(test::sceneFromText(R"(
-shafts: [a, b]
-a: {inertia: 1.0}
-b: {inertia: 2.0}
-torques: [load, contact]
-load: {type: variator_sim/ExpressionTorque, shaft: a, torque: "399.6"}
-contact: {type: variator_sim/ExpressionTorque, shaft: a, torque: '-400*tanh((w1-w2)/1e-7)', reaction_on: b}
-initial: {velocity: [500, 500]}
-solver: {relative_tolerance: 1e-9, absolute_tolerance: 1e-9}
-)"),
-                            StepperKind::kAuto, 3.0);
-  EXPECT_TRUE(played.status.ok()) << played.text;
-  EXPECT_NEAR(played.sample.velocity[1], 500.0 + 399.6, 1e-5);
-}
-
-// Rounding of angles of 300 rad makes torques of 5e-7 N m, far more than the tolerance of the
-// accelerations: no step, however short, has less.
-TEST(Crawls, StepsByRadauWithinTheRoundingOfAngles) {
-  const Scene scene = test::sceneFromText(R"(
-shafts: [a, b, c, d]
-a: {inertia: 1.0}
-b: {inertia: 2.0}
-c: {inertia: 3.0}
-d: {inertia: 1.0}
-torques: [drive, ab, cd, drag]
-drive: {type: variator_sim/ExpressionTorque, shaft: a, torque: '50*sin(2*t)'}
-ab: {type: variator_sim/ElasticCoupling, shafts: [a, b], stiffness: 2.0e+6, damping: 2.0e+4}
-cd: {type: variator_sim/ElasticCoupling, shafts: [c, d], stiffness: 2.0e+6, damping: 2.0e+4}
-drag: {type: variator_sim/Friction, shaft: d, viscous: 0.3}
-constraints: [variator]
-variator: {type: variator_sim/KinematicRatio, shafts: [b, c], ratio: '1 + 0.3*sin(t + 1)'}
-initial: {angle: [300, 300, 300, 300]}
-solver: {relative_tolerance: 1e-10, absolute_tolerance: 1e-10}
-)");
-  const Played chosen = run(scene, StepperKind::kAuto, 3.0);
-  const Played played = run(scene, StepperKind::kRadau, 3.0);
-  EXPECT_TRUE(played.status.ok()) << played.text;
-  // (R keeps what rounding adds to it in each step.)
-  for (int i = 0; i < 4; ++i)
-    EXPECT_NEAR(played.sample.velocity[i], chosen.sample.velocity[i], 1e-5);
 }
 
 // Steady running at a tolerance that rounding does not leave: where it refuses nearly all steps the

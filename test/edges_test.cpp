@@ -176,33 +176,6 @@ TEST(InsideOfAStep, WhatSettlesOnAnEdgeIsNotSearched) {
   }
 }
 
-// At rest beside an edge rounding decides the side. If the torque is the same on both, steps ignore
-// the event: the motion alone limits their size. (Found in the field: one step was rejected 2,483
-// times.)
-TEST(InsideOfAStep, AtRestAnEdgeThatChangesNothingIsLeftAlone) {
-  const std::string loss =
-      "-(if(tanh(w1/wr) > 0, tanh(w1/wr)*max((0.75*(if(t < 0.5, 0, -0.5)) + 0.625)/0.625,"
-      " (-3*(if(t < 0.5, 0, -0.5)) + 2.5)/2.5), -tanh(w1/wr)*min((0.75*(if(t < 0.5, 0, -0.5)) -"
-      " 0.625)/0.625, (-3*(if(t < 0.5, 0, -0.5)) - 2.5)/2.5)))";
-  for (const StepperKind stepper : {StepperKind::kAuto, StepperKind::kRadau}) {
-    for (const char* principle : kPrinciples) {
-      Scene scene = test::sceneFromText(
-          "input 0.002",
-          {"load on input: if(t < 0.5, 0, 1)", "loss = ExpressionTorque, shaft: input, torque: '" +
-                                                   loss + "', parameters: {wr: 0.0001}"},
-          std::string("initial: {velocity: [10]}\nprinciple: ") + principle);
-      scene.solver.stepper = stepper;
-      Simulation simulation(std::move(scene));
-      ASSERT_TRUE(simulation.advanceTo(1.0).ok()) << label(stepper, principle);
-      // The load and 1.6 tanh(w/wr) are in balance.
-      EXPECT_NEAR(simulation.sample().velocity[0], 1e-4 * std::atanh(0.625), 1e-11)
-          << label(stepper, principle);
-      const Statistics& counts = simulation.statistics();
-      EXPECT_LT(counts.steps + counts.rejected_steps, 600U) << label(stepper, principle);
-    }
-  }
-}
-
 // Beside a psi that is curved in the accelerations their way counts, not its ends alone. On the
 // circle e1 = g cos(a), e2 = g sin(a), with e3 = r e2 + d and d going from 0 to D, J = diag(1, 1,
 // J3):

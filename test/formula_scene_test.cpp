@@ -177,18 +177,6 @@ TEST(SceneFormulas, EndStepsWhereInputsCrossEdges) {
   }
 }
 
-TEST(SceneFormulas, TakeFewStepsAcrossEdgesOfInputs) {
-  Simulation simulation(test::sceneFromText(
-      kShafts, {"engine on drive: if(lever > 1, 5, -w_drive)"},
-      kStart + "inputs: [lever]\nlever: {topic: lever, hold: rate_limit, rate: 2, initial: 0}"));
-  simulation.command(0, 10.0);
-  simulation.advanceTo(3.0);
-  ASSERT_TRUE(simulation.status().ok()) << simulation.describeStatus();
-  EXPECT_LT(simulation.statistics().steps, 200U);
-  // w' = -2 w up to 0.5 s, then w' = 10.
-  EXPECT_NEAR(simulation.sample().velocity[0], 10.0 * std::exp(-1.0) + 25.0, 1e-8);
-}
-
 TEST(SceneFormulas, JumpWithAnInputThatTheyCompare) {
   // The jump of an input takes the torque from one branch to the other.
   const std::string input = "inputs: [gear]\ngear: {topic: gear}";

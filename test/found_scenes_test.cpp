@@ -44,6 +44,9 @@ struct Found {
   std::vector<std::string> lacks;
   double end = 1.0;
   std::vector<double> stops_at;  ///< time and what it may be off, s
+  std::string file;
+  std::vector<double> tolerances;
+  int most_steps = 20000;
 };
 
 /// The words between " | " of a key; none where it is missing.
@@ -56,6 +59,12 @@ std::string linesOf(ParameterReader& reader, const char* key) {
   std::string lines;
   for (const std::string& line : split(reader.text(key, ""), " / ")) lines += line + "\n";
   return lines;
+}
+std::vector<double> numbersOf(ParameterReader& reader, const char* key) {
+  std::vector<double> numbers;
+  if (!reader.has(key)) return numbers;
+  for (const ParameterTree& number : reader.raw(key)->asList()) numbers.push_back(number.asReal());
+  return numbers;
 }
 std::vector<std::string> textsOf(ParameterReader& reader, const char* key) {
   std::vector<std::string> texts;
@@ -96,11 +105,11 @@ std::vector<Found> readFound(const std::string& name) {
       if (!found.values.empty()) found.end = found.values.back().time;
     }
     found.end = reader.number("end", Range::any(), found.end);
-    if (reader.has("stops_at")) {
-      for (const ParameterTree& number : reader.raw("stops_at")->asList()) {
-        found.stops_at.push_back(number.asReal());
-      }
-    }
+    found.stops_at = numbersOf(reader, "stops_at");
+    found.file = reader.text("file", "");
+    found.tolerances = numbersOf(reader, "tolerances");
+    found.most_steps = static_cast<int>(
+        reader.number("most_steps", Range::any(), static_cast<double>(found.most_steps)));
     reader.finish();
     all.push_back(found);
   }
@@ -112,6 +121,7 @@ std::string pathOf(const std::string& file) {
 }
 
 Scene sceneOf(const Found& found) {
+  if (!found.file.empty()) return sceneFromFile(VARIATOR_SIM_TEST_DIR "/" + found.file);
   if (!found.shafts.empty()) return sceneFromText(found.shafts, found.elements, found.keys);
   if (found.torque.empty()) return sceneFromFile(pathOf(found.name + ".yaml"));
   return sceneFromText(
@@ -196,10 +206,12 @@ void play(const Found& found, Scene scene) {
              simulation.status().time > found.chatters_until) {
     EXPECT_TRUE(simulation.status().ok()) << simulation.describeStatus();
   }
-  // (Explicit steps that a row names may have to be short.)
-  if (!found.by.empty() && scene.solver.stepper != StepperKind::kAuto) return;
+  // (Explicit steps may have to be short where a row names them and no number.)
+  const bool is_named = !found.by.empty() && scene.solver.stepper != StepperKind::kAuto;
+  if (is_named && found.most_steps == Found().most_steps) return;
   const Statistics& statistics = simulation.statistics();
-  EXPECT_LT(statistics.steps + statistics.rejected_steps, 20000u);
+  EXPECT_LT(statistics.steps + statistics.rejected_steps,
+            static_cast<std::uint64_t>(found.most_steps));
 }
 
 /// A run that exceeds so many seconds of its process' time fails, and the next test goes on.
@@ -260,29 +272,35 @@ constexpr StepperKind kSteppers[] = {
 /// By the steppers and principles of its row.
 class KnownMotion : public testing::TestWithParam<Found> {};
 
+/// Plays a row once; tolerance 0: that of its scene.
+void playRow(const Found& row, const std::string& stepper, double tolerance) {
+  try {
+    Scene scene = sceneOf(row);
+    for (const StepperKind kind : kSteppers) {
+      if (stepper == toString(kind)) scene.solver.stepper = kind;
+    }
+    play(row, tolerance > 0.0 ? withTolerance(scene, tolerance) : scene);
+  } catch (const SceneError& error) {
+    EXPECT_FALSE(row.fault.empty()) << error.what();
+    expectWords(row, error.what());
+  }
+}
+
 TEST_P(KnownMotion, IsRight) {
   const Found& found = GetParam();
-  const bool has_principle = found.keys.find("principle: ") != std::string::npos;
+  const bool has_principle =
+      !found.file.empty() || found.keys.find("principle: ") != std::string::npos;
+  std::vector<double> tolerances = found.tolerances;
+  if (tolerances.empty()) tolerances.push_back(0.0);
   for (const std::string& stepper : found.by) {
-    for (const char* principle : {"gauss", "generalized_gauss"}) {
-      SCOPED_TRACE(stepper + ", " + principle);
-      Found row = found;
-      row.keys += (has_principle ? "" : std::string("principle: ") + principle + "\n");
-      inChild(
-          [&] {
-            try {
-              Scene scene = sceneOf(row);
-              for (const StepperKind kind : kSteppers) {
-                if (stepper == toString(kind)) scene.solver.stepper = kind;
-              }
-              play(row, scene);
-            } catch (const SceneError& error) {
-              EXPECT_FALSE(row.fault.empty()) << error.what();
-              expectWords(row, error.what());
-            }
-          },
-          30);
-      if (has_principle) break;
+    for (const double tolerance : tolerances) {
+      for (const char* principle : {"gauss", "generalized_gauss"}) {
+        SCOPED_TRACE(stepper + ", " + principle + ", " + plainly(tolerance));
+        Found row = found;
+        if (!has_principle) row.keys += std::string("principle: ") + principle + "\n";
+        inChild([&] { playRow(row, stepper, tolerance); }, 30);
+        if (has_principle) break;
+      }
     }
   }
 }

@@ -131,33 +131,6 @@ TEST(Auto, SoonStepsImplicitlyOnAStiffSlowMotion) {
                "taylor");
 }
 
-// A state that follows cos(t) at the rate r drives a shaft:
-//     z = (r^2 cos(t) + r sin(t) + exp(-r t)) / (r^2 + 1),  w' = z
-// Explicit steps would be some 5 / r long.
-TEST(Auto, StepsStiffStatesImplicitly) {
-  constexpr double kRate = 1e6;
-  constexpr double kSeconds = 10.0;
-  for (const double tolerance : {1e-3, 1e-6, 1e-9}) {
-    Simulation simulation(test::withTolerance(test::sceneFromText(R"yaml(
-shafts: [wheel]
-wheel: {inertia: 1}
-states: [z]
-z: {rate: "-1e6*(z - cos(t))", initial: 1}
-torques: [follower]
-follower: {type: variator_sim/ExpressionTorque, shaft: wheel, torque: z}
-principle: gauss
-)yaml"),
-                                              tolerance));
-    ASSERT_TRUE(simulation.advanceTo(kSeconds).ok()) << simulation.describeStatus();
-    EXPECT_STREQ(simulation.stepperName(), "radau") << tolerance;
-    EXPECT_LT(simulation.statistics().steps, 1500u) << tolerance;
-    const double expected =
-        (kRate * kRate * std::sin(kSeconds) + kRate * (1.0 - std::cos(kSeconds)) + 1.0 / kRate) /
-        (kRate * kRate + 1.0);
-    EXPECT_NEAR(simulation.sample().velocity[0], expected, 10.0 * tolerance) << tolerance;
-  }
-}
-
 // --- inside steps ------------------------------------------------------------------------------
 // Friction that holds a shaft against a torque that swings: under the classical principle the
 // accelerations follow from a creep of 1e-5 rad/s, and inside implicit steps they are of a lower

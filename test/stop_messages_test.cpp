@@ -1,12 +1,22 @@
 // Stop messages whose values help (test/known_motions.yaml has the words of all).
 
-#include "support/clutch.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
 namespace {
 
 using test::sceneText;
+
+/// A motor that swings at 100 rad/s, a clutch of 80 N m, regularized within `speed`, rad/s, a hub
+/// on a spring, and a car.
+std::string withDryClutch(const std::string& speed) {
+  return sceneText(
+      "flywheel 1, hub 0.05, car 1",
+      {"motor on flywheel: 200*sin(100*t)",
+       "clutch = Friction, shafts: [flywheel, hub], coulomb: 80, regularization_speed: " + speed,
+       "spring = ElasticCoupling, shafts: [hub, car], stiffness: 160, damping: 1"},
+      "principle: gauss\ninitial: {velocity: [100, 90, 90]}");
+}
 
 /// How the scene's motion stops until `end`; "" where it does not.
 std::string stopOf(const std::string& scene, double end) {
@@ -40,7 +50,7 @@ TEST(Chattering, TheHintForAnIfRuns) {
 // --- ToleranceTooSmall -----------------------------------------------------------------------
 
 TEST(ToleranceTooSmall, NamesTheNumberOfTheSteepestLawAndAValueThatWouldDo) {
-  const std::string text = stopOf(test::withDryClutch("1e-6"), 0.3);
+  const std::string text = stopOf(withDryClutch("1e-6"), 0.3);
   expectText(text, "ToleranceTooSmall at t = ");
   expectText(text, "most by torque 'clutch': 'clutch/regularization_speed: ");
   expectText(text, "(it is 1e-06)");
@@ -52,8 +62,8 @@ TEST(ToleranceTooSmall, NamesTheNumberOfTheSteepestLawAndAValueThatWouldDo) {
     return text.substr(begin, text.find('\'', begin) - begin);
   };
   const std::string speed = valueBehind("clutch/regularization_speed");
-  EXPECT_EQ(stopOf(test::withDryClutch(speed), 0.3), "") << speed;
-  EXPECT_EQ(stopOf(test::withDryClutch("1e-6") +
+  EXPECT_EQ(stopOf(withDryClutch(speed), 0.3), "") << speed;
+  EXPECT_EQ(stopOf(withDryClutch("1e-6") +
                        "solver: {relative_tolerance: " + valueBehind("solver/relative_tolerance") +
                        ", absolute_tolerance: " + valueBehind("solver/absolute_tolerance") + "}\n",
                    0.3),
