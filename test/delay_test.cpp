@@ -31,26 +31,6 @@ std::string oneShaft(const std::string& formula, const std::string& keys = "") {
   return sceneText("a 1", {"law on a: " + formula}, keys);
 }
 
-// x' = -x(t - 1), x = 1 before 0: x = sum_k (-1)^k (t - k + 1)^k / k!, k - 1 <= t
-TEST(Delay, OfTheSpeedFollowsTheMethodOfSteps) {
-  for (const char* principle : {"gauss", "generalized_gauss"}) {
-    Simulation simulation = simulate(oneShaft(
-        "-delay(w_a, 1)", std::string("initial: {velocity: [1]}\nprinciple: ") + principle));
-    for (int n = 1; n <= 24; ++n) {
-      const double t = 0.37 * n;
-      double x = 0.0;
-      double factorial = 1.0;
-      for (int k = 0; k - 1 <= t; ++k) {
-        factorial *= k > 0 ? -k : 1.0;
-        x += std::pow(t - k + 1.0, k) / factorial;
-      }
-      ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
-      EXPECT_NEAR(simulation.sample().velocity[0], x, 1e-13) << t;
-    }
-    EXPECT_LT(simulation.statistics().steps, 20U);
-  }
-}
-
 // 2 w' = u - 0.2 w, u = 1.5 e + I, I' = 0.8 e, e = 10 - w(t - 0.3): solve_ivp of SciPy, piece by
 // piece
 TEST(Delay, OfAControllersSpeedIsTheReference) {
@@ -84,93 +64,6 @@ TEST(Delay, InANonlinearLawIsTheReference) {
     ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
     EXPECT_NEAR(simulation.sample().velocity[0], w, 1e-8) << t;
   }
-}
-
-// w' = -w + u(t - 0.5), u: 1, 3 from 0.8 on, -2 from 0.9 on
-TEST(Delay, OfAnInputPassesItsStepsOn) {
-  Simulation simulation = simulate(oneShaft("delay(u, 0.5) - w_a", R"yaml(
-inputs: [u]
-u: {topic: u, hold: zero_order, initial: 1}
-outputs: [then, later]
-then: {expression: "delay(u, 0.5)"}
-later: {expression: "delay(delay(w_a, 0.25), 0.5)"}
-)yaml"));
-  const auto speedAt = [](double t) {
-    double w = 1.0 - std::exp(-std::max(t, 0.0));
-    if (t > 1.3) w += 2.0 * (1.0 - std::exp(1.3 - t));
-    if (t > 1.4) w -= 5.0 * (1.0 - std::exp(1.4 - t));
-    return w;
-  };
-  for (int n = 1; n <= 60; ++n) {
-    const double t = 0.05 * n;
-    ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
-    if (n == 16) simulation.command(0, 3.0);
-    if (n == 18) simulation.command(0, -2.0);
-    EXPECT_NEAR(simulation.sample().velocity[0], speedAt(t), 1e-9) << t;
-    EXPECT_NEAR(outputOf(simulation, 1), speedAt(t - 0.75), 1e-9) << t;
-    if (n == 26 || n == 28) continue;  // at the steps themselves
-    EXPECT_EQ(outputOf(simulation), n < 26 ? 1.0 : n < 28 ? 3.0 : -2.0) << t;
-  }
-}
-
-// w_a' = -4, w_b' = 4 until they are both 4 at 1; J w_c' = (w_a - w_b)(t - 0.25)
-TEST(Delay, AcrossAClutchThatLocksKeepsItsKink) {
-  Simulation simulation = simulate(sceneText(
-      "a 1, b 1, c 1",
-      {"clutch = Clutch, shafts: [a, b], capacity: 4", "law on c: delay(w_a - w_b, 0.25)"},
-      "outputs: [torque]\ntorque: {expression: \"delay(clutch_torque, 0.25)\"}\n"
-      "initial: {velocity: [8, 0, 0]}"));
-  for (int n = 1; n <= 40; ++n) {
-    const double t = 0.05 * n;
-    const double s = std::min(std::max(t - 0.25, 0.0), 1.0);
-    const double w = 8.0 * (std::min(t, 0.25) + s) - 4.0 * s * s;
-    ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
-    EXPECT_NEAR(simulation.sample().velocity[2], w, 1e-12) << t;
-    if (n == 25) continue;  // the instant itself
-    EXPECT_NEAR(outputOf(simulation), n < 25 ? -4.0 : 0.0, 1e-12) << t;
-  }
-}
-
-// 0.2 w_b' + w_b = w_a(t - 0.5) + u(t - 0.3), w_a = t: u steps by 2 at 0.4
-TEST(Delay, InAConstraintOfOrderTwoMovesTheAccelerations) {
-  for (const char* principle : {"gauss", "generalized_gauss"}) {
-    Simulation simulation = simulate(sceneText(
-        "a 1, b 3", {"law on a: 1", "lag: 0.2*e_b + w_b - delay(w_a, 0.5) - delay(u, 0.3)"},
-        std::string("inputs: [u]\nu: {topic: u, hold: zero_order}\nprinciple: ") + principle));
-    for (int n = 1; n <= 40; ++n) {
-      const double t = 0.05 * n;
-      const double s = std::max(t - 0.5, 0.0);
-      const double r = std::max(t - 0.7, 0.0);
-      const double w = s - 0.2 * (1.0 - std::exp(-s / 0.2)) + 2.0 * (1.0 - std::exp(-r / 0.2));
-      ASSERT_TRUE(simulation.advanceTo(t).ok()) << simulation.describeStatus();
-      if (n == 8) simulation.command(0, 2.0);
-      EXPECT_NEAR(simulation.sample().velocity[1], w, 1e-8) << principle << t;
-      if (n == 14) continue;  // the step itself
-      EXPECT_NEAR(simulation.sample().acceleration[1], (s + (n > 14 ? 2.0 : 0.0) - w) / 0.2, 1e-7)
-          << principle << t;
-    }
-  }
-}
-
-// w = t; the event sees w(t - 0.5) = 1 at 1.5 and adds 2 to a variable, whose delay by 0.25 the
-// output tells
-TEST(Delay, SetsOffEventsAndDelaysWhatTheySet) {
-  Simulation simulation = simulate(oneShaft("1", R"yaml(
-variables: [gear]
-gear: {initial: 1}
-events: [up]
-up: {when: "delay(w_a, 0.5) - 1", direction: rising, set: {gear: "gear + 2"}}
-outputs: [gear_then]
-gear_then: {expression: "delay(gear, 0.25)"}
-)yaml"));
-  ASSERT_TRUE(simulation.advanceTo(1.49).ok());
-  EXPECT_EQ(valueOf(simulation, QuantityGroup::kVariables, 0), 1.0);
-  ASSERT_TRUE(simulation.advanceTo(1.51).ok());
-  EXPECT_EQ(valueOf(simulation, QuantityGroup::kVariables, 0), 3.0);
-  ASSERT_TRUE(simulation.advanceTo(1.74).ok());
-  EXPECT_EQ(outputOf(simulation), 1.0);
-  ASSERT_TRUE(simulation.advanceTo(1.76).ok());
-  EXPECT_EQ(outputOf(simulation), 3.0);
 }
 
 // At the start the delayed value is that of the projected velocity.

@@ -1,8 +1,7 @@
-// Events inside a step: pulses, jumps of laws, known instants, against motions known in closed
-// form. (test/stress/pulses_test.cpp and law_jumps_test.cpp have those of steps that keep a
-// tolerance.)
+// Events inside a step: pulses and jumps of laws, against motions known in closed form.
+// (test/known_motions.yaml has more of them, test/stress/pulses_test.cpp and law_jumps_test.cpp
+// those of steps that keep a tolerance.)
 
-#include "support/faults.h"
 #include "support/scenes.h"
 
 namespace variator_sim {
@@ -202,42 +201,6 @@ TEST(KinksOfOrder1, GoAlongACurvedConstraint) {
   EXPECT_GT(std::abs(after[1] - before), 0.5);
 }
 
-// f with a bend in a velocity: C = (-g, 1) turns from g = 1/2 to 4/5, with e2 = g e1. Under gauss
-// the reaction is least on both sides; else J de = C' L and C de = e1 dg, by which J1 e1^2 + J2
-// e2^2 stays. A motion that begins at rest on a bend is at once behind it.
-TEST(KinksOfOrder1, TurnWithASpeed) {
-  const double J1 = 1.0;
-  const double J2 = 2.0;
-  const double Q = 3.0;
-  const auto inertia = [&](double g) { return J1 + g * g * J2; };
-  const char* const kBends[] = {"w2-0.5*w1-0.3*max(0,w1-1.2)", "w2-0.65*w1-0.15*abs(w1-1.2)+0.18",
-                                "w2-if(w1<1.2,0.5*w1,0.6+0.8*(w1-1.2))", "w2-curve(w1)"};
-  for (int p = 0; p < 2; ++p) {
-    for (const char* bend : kBends) {
-      Simulation simulation(test::sceneFromText(
-          "a 1, b 2", {"q on a: 3", std::string("v of order 1: ") + bend},
-          std::string("principle: ") + kPrinciples[p] +
-              "\ninitial: {velocity: [1, 0.5]}\ntables: [curve]\n"
-              "curve: {x: [-2, 1.2, 3.2], values: [-1, 0.6, 2.2], interpolation: linear}\n"));
-      ASSERT_TRUE(simulation.advanceTo(1.0).ok()) << bend << simulation.describeStatus();
-      const double before = Q / inertia(0.5);
-      const double after =
-          p == 1 ? Q / inertia(0.8) : before * std::sqrt(inertia(0.5) / inertia(0.8));
-      const double passed = 0.2 / before;
-      const Sample& s = simulation.sample();
-      EXPECT_NEAR(s.acceleration[0], after, 1e-8) << kPrinciples[p] << bend;
-      EXPECT_NEAR(s.acceleration[1], 0.8 * after, 1e-8) << kPrinciples[p] << bend;
-      EXPECT_NEAR(s.velocity[0], 1.2 + after * (1.0 - passed), 1e-8) << kPrinciples[p] << bend;
-    }
-    Simulation rest(test::sceneFromText("a 1, b 2",
-                                        {"q on a: 3", "v of order 1: w2-0.5*w1-0.3*abs(w1)"},
-                                        std::string("principle: ") + kPrinciples[p]));
-    ASSERT_TRUE(rest.advanceTo(1.0).ok()) << rest.describeStatus();
-    EXPECT_NEAR(rest.sample().velocity[0],
-                p == 1 ? Q / inertia(0.8) : Q / std::sqrt(inertia(0.5) * inertia(0.8)), 1e-8);
-  }
-}
-
 // psi with a corner in the accelerations, at e1 = -0.5, is the limit of smooth ones.
 TEST(CornersOfPsi, ArePassed) {
   const auto ratio = [](const char* magnitude) {
@@ -256,56 +219,6 @@ TEST(CornersOfPsi, ArePassed) {
     EXPECT_NEAR(cornered.sample().acceleration[i], smooth.sample().acceleration[i], 1e-6);
   }
   EXPECT_LT(cornered.statistics().steps, 100U);
-}
-
-// The accelerations of least reaction would stay in a corner for a while.
-TEST(CornersOfPsi, AreRefusedUnderGauss) {
-  test::expectRefused("v", {"sqrt(x^2+1e-12) for abs(x)"}, [&] {
-    Simulation(
-        test::sceneFromText("a 1.5, b 0.8", {"v: e2-0.4*e1+0.02*abs(e1+0.5)"}, "principle: gauss"));
-  });
-}
-
-/// A depth below the angle of 1 rad that no formula tells.
-class Depth : public OpaqueFunction {
- public:
-  Depth() : OpaqueFunction(1) {}
-  double value(const double* x) const override { return x[0] - 1.0; }
-  void calcGradient(const double* /*x*/, double* gradient) const override { gradient[0] = 1.0; }
-};
-
-/// A spring that is met at an angle; what it switches by is an opaque function.
-class Stop : public Torque {
- public:
-  explicit Stop(bool jumps) : jumps_(jumps) {}
-
- private:
-  void build(LawContext& scene) override {
-    const Shaft shaft = scene.shaftAt(0);
-    const Expression depth = scene.function(std::make_shared<Depth>(), {shaft.angle});
-    scene.apply(shaft, -where(depth < 0.0, 0.0, jumps_ ? Expression(4.0) : 100.0 * depth));
-  }
-  bool jumps_;
-};
-
-// From rest, where nothing tells of it: an imposed jerk, whose ends are known instants.
-TEST(InsideOfAFixedStep, KnownInstantsEndIt) {
-  for (StepperKind stepper : kFixed) {
-    for (double start : {0.3, 3.3, 17.1}) {
-      for (double duration : {0.01, 0.4, 2.3}) {
-        Scene scene = test::sceneFromText(
-            "a 1, b 1", {"j = ImposedJerk, shaft: a, velocity_change: 20, duration: " +
-                         plainly(duration) + ", start: " + plainly(start)});
-        scene.solver.stepper = stepper;
-        scene.solver.step = 0.001;
-        if (duration <= 10.0 * scene.solver.step) continue;
-        Simulation simulation(scene);
-        ASSERT_TRUE(simulation.advanceTo(20.0).ok()) << simulation.describeStatus();
-        EXPECT_NEAR(simulation.sample().velocity[0], 20.0, 200.0 * kLoss)
-            << label(stepper, plainly(start) + " " + plainly(duration));
-      }
-    }
-  }
 }
 
 /// A torque that jumps in time: a sample at that very instant is of one side altogether, of the one
@@ -364,81 +277,6 @@ TEST(TorquesThatJump, LeadLeastReactionsWhereRampsDo) {
         EXPECT_NEAR(formula.sample().acceleration[i], command.sample().acceleration[i], 1e-6) << i;
       }
     }
-  }
-}
-
-// --- implicit steps ------------------------------------------------------------------------------
-
-/// A peak that drives a shaft on within 2e-4 rad/s of its speed: an implicit step that is much too
-/// long would hold the shaft fast there, and its estimate show nothing.
-TEST(ImplicitSteps, PassANarrowPeakThatDrives) {
-  const Scene plain = test::sceneFromText(
-      "a 1.5", {"m = MotorCurve, shaft: a, characteristic: table, table: {speed: [1.2999, 1.3, "
-                "1.3001], torque: [0, 0.5, 0], beyond: constant}",
-                "q on a: 1"});
-  for (const double tolerance : {1e-3, 1e-4, 1e-6}) {
-    SCOPED_TRACE("at " + std::to_string(tolerance));
-    Simulation simulation(
-        test::withTolerance(test::withStepper(plain, StepperKind::kRadau), tolerance));
-    ASSERT_TRUE(simulation.advanceTo(3.0).ok()) << simulation.describeStatus();
-    EXPECT_NEAR(simulation.sample().velocity[0], 2.0, 1e-4 + 10.0 * tolerance);
-    EXPECT_NEAR(simulation.sample().acceleration[0], 1.0 / 1.5, 10.0 * tolerance);
-  }
-}
-
-/// A torque that jumps at an angle throws the shaft back. A Jacobian by differences looks behind
-/// the jump on either side, which is no stage that lay there.
-TEST(ImplicitSteps, PassATorqueThatJumps) {
-  const Scene plain = test::sceneFromText("a 1", {"s on a: if(phi1 > 0.6180339, -200, 0)"},
-                                          "principle: gauss\ninitial: {velocity: [1]}");
-  for (const StepperKind stepper : {StepperKind::kAuto, StepperKind::kRadau}) {
-    for (const double tolerance : {1e-3, 1e-6, 1e-9}) {
-      SCOPED_TRACE(std::string(toString(stepper)) + " at " + std::to_string(tolerance));
-      Simulation simulation(test::withTolerance(test::withStepper(plain, stepper), tolerance));
-      ASSERT_TRUE(simulation.advanceTo(2.5).ok()) << simulation.describeStatus();
-      // In the stop for 2/200 s.
-      EXPECT_NEAR(simulation.sample().velocity[0], -1.0, 100.0 * tolerance);
-      EXPECT_NEAR(simulation.sample().angle[0], 0.6180339 - (2.5 - 0.6180339 - 0.01),
-                  100.0 * tolerance);
-    }
-  }
-}
-
-/// The series over an edge ends a little behind it, and a hard stop turns the velocity there within
-/// less than that: what it does to it is no part of a step's error.
-TEST(ImplicitSteps, LoseNothingBehindAJump) {
-  const double stiffness = 2000.0;
-  for (int i = 0; i < 12; ++i) {
-    const double at = 0.3 + 0.0637 * i + 0.0031 * i * i;
-    SCOPED_TRACE("at " + std::to_string(at));
-    constexpr double tolerance = 1e-11;
-    const Scene plain = test::sceneFromText(
-        "a 1", {"s on a: if(phi1 > " + plainly(at) + ", -" + plainly(stiffness) + ", 0)"},
-        "principle: gauss\ninitial: {velocity: [1]}");
-    Simulation simulation(
-        test::withTolerance(test::withStepper(plain, StepperKind::kRadau), tolerance));
-    ASSERT_TRUE(simulation.advanceTo(2.5).ok()) << simulation.describeStatus();
-    EXPECT_NEAR(simulation.sample().velocity[0], -1.0, 30.0 * tolerance);
-    EXPECT_NEAR(simulation.sample().angle[0], at - (2.5 - at - 2.0 / stiffness), 30.0 * tolerance);
-  }
-}
-
-/// Friction that holds a shaft in a layer of 1e-4 rad/s, stronger than what drives it: an error of
-/// the velocity that a loose tolerance allows is wider than that, but what it makes of the torque
-/// would stay as a torque of its own, and drive the shaft out of the layer.
-TEST(ImplicitSteps, StayInANarrowLayerOfFriction) {
-  const Scene plain = test::sceneFromText(
-      "a 1.5, b 0.8",
-      {"m on a: 2*cos(3*t)", "f = Friction, shaft: a, coulomb: 10, regularization_speed: 1e-4",
-       "k: e2-0.5*e1"},
-      "initial: {velocity: [1, 0.5]}");
-  Simulation simulation(test::withTolerance(test::withStepper(plain, StepperKind::kRadau), 1e-3));
-  for (int n = 1; n <= 9; ++n) {
-    ASSERT_TRUE(simulation.advanceTo(4.0 / 9.0 * n).ok()) << simulation.describeStatus();
-    const Sample& sample = simulation.sample();
-    EXPECT_NEAR(sample.velocity[0], 0.0, 1e-4) << n;
-    EXPECT_NEAR(sample.acceleration[0], 0.0, 0.01) << n;
-    EXPECT_NEAR(sample.reaction_torque[0] + 0.5 * sample.reaction_torque[1], 0.0, 1.0) << n;
   }
 }
 

@@ -320,22 +320,6 @@ TEST(Sleep, AnOverdueCommandWakesAtItsInstant) {
   expectNear(once.sample(), awake.sample(), kFactor);
 }
 
-// A moment without acceleration at the top speed of a slow swing (20 and 200 minutes), or without
-// speed where it turns, is no rest that lasts.
-TEST(Sleep, EndsInASlowOscillation) {
-  for (double frequency : {5e-3, 5e-4}) {
-    for (const char* principle : {"generalized_gauss", "gauss"}) {
-      const Scene scene = test::sceneFromText(
-          "wheel 1", {"spring on wheel: -" + plainly(frequency * frequency) + "*phi1"},
-          std::string("principle: ") + principle + "\ninitial: {angle: [0.1]}");
-      Simulation simulation(test::withTolerance(scene, 1e-6));
-      const double period = 2.0 * std::acos(-1.0) / frequency;
-      simulation.advanceTo(1.5 * period);
-      EXPECT_NEAR(simulation.sample().angle[0], -0.1, 1e-3) << principle << ", " << frequency;
-    }
-  }
-}
-
 // A slow mode beside a fast one: the fast one's fall is no rest for the slow one.
 TEST(Sleep, WaitsForTheSlowestPartOfTheMotion) {
   Scene scene = test::withTolerance(

@@ -75,29 +75,6 @@ TEST(Simulation, IsQuietUntilTheNextStepACommandOrItsTimeout) {
   EXPECT_LE(simulation.quietUntil(), end + 0.51);
 }
 
-TEST(Simulation, ATorqueOfTimeAloneIsSeenByEveryStepper) {
-  // eta = Q'(t) / J is a pure quadrature, for which Fehlberg's error estimate vanishes.
-  for (StepperKind stepper :
-       {StepperKind::kDopri5, StepperKind::kFehlberg78, StepperKind::kTaylor}) {
-    for (double tolerance : {1e-6, 1e-9, 1e-12}) {
-      Simulation simulation(test::withStepper(
-          test::withTolerance(test::sceneFromText("drive 0.01", {"motor on drive: sin(100*t)"}),
-                              tolerance),
-          stepper));
-      for (int n = 1; n <= 20; ++n) {
-        const double t = 0.37 * n;
-        simulation.advanceTo(t);
-        const Sample& s = simulation.sample();
-        // the accelerations reach 100, so 100 times the tolerance is what is asked of them
-        ASSERT_NEAR(s.acceleration[0], 100.0 * std::sin(100.0 * t), 1e4 * tolerance + 1e-10)
-            << toString(stepper) << ", tolerance " << tolerance;
-        ASSERT_NEAR(s.velocity[0], 1.0 - std::cos(100.0 * t), 1e4 * tolerance + 1e-10)
-            << toString(stepper) << ", tolerance " << tolerance;
-      }
-    }
-  }
-}
-
 // --- starts -----------------------------------------------------------------------------------
 TEST(InitialConditions, LeastReactionIsFoundFarFromTheFreeAccelerations) {
   // An elastic coupling's torque alone would give the light shaft 600 rad/s^2, where the cubic psi
