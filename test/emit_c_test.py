@@ -336,29 +336,21 @@ class EmitCTest(FolderTestCase):
         self.assertLessEqual(last, at)
         self.assertGreater(last, at - 0.021)
 
-    def test_stops_where_a_torque_ends(self):
-        self.check_stops("ends", plant(motor="sqrt(1-t)"), "", 1.0)
-
-    def test_stops_where_no_branch_goes_on(self):
-        scene = scene_text("a 1", ["dry on a: -2*sign(w1)"], "initial: {velocity: [3.0]}")
-        self.check_stops("dry", scene, "chattering", 1.5)
-
-    def test_stops_where_the_constraint_jumps(self):
-        scene = plant(variator="0.3*(e2-0.8*e1)+if(t < 1, 0, 0.1)+w2-0.8*w1")
-        self.check_stops("gap", scene, "a jump leads to no state", 1.0, 0.011)
-
-    def test_stops_where_rank_is_lost(self):
-        self.check_stops("rank", plant(variator="(1-t)*(e2-0.8*e1)+w2-0.8*w1"), "", 1.0)
-
-    def test_stops_where_a_row_passes_zero(self):
-        # Everything is finite on both sides and steps could well go over it.
-        self.check_stops("passes", plant(variator="(1.003-t)*(e2-0.8*e1)"), "singular", 1.003)
-
-    def test_stops_where_the_branch_of_the_least_reaction_ends(self):
-        scene = scene_text("a 1.0, b 2.0", [
-            "m on a: 1",
-            "k: 0.05*e2+e1^3-3*e1+t"], "principle: gauss", "initial: {velocity: [0.0, 0.0]}")
-        self.check_stops("fold", scene, "", 1.99979)
+    def test_stops_where_the_motion_ends(self):
+        fold = ["m on a: 1", "k: 0.05*e2+e1^3-3*e1+t"]
+        for name, scene, words, *times in (
+                ("ends", plant(motor="sqrt(1-t)"), "", 1.0),
+                ("dry", scene_text("a 1", ["dry on a: -2*sign(w1)"], "initial: {velocity: [3.0]}"),
+                 "chattering", 1.5),
+                ("gap", plant(variator="0.3*(e2-0.8*e1)+if(t < 1, 0, 0.1)+w2-0.8*w1"),
+                 "a jump leads to no state", 1.0, 0.011),
+                ("rank", plant(variator="(1-t)*(e2-0.8*e1)+w2-0.8*w1"), "", 1.0),
+                # Everything is finite on both sides and steps could well go over it.
+                ("passes", plant(variator="(1.003-t)*(e2-0.8*e1)"), "singular", 1.003),
+                ("fold", scene_text("a 1.0, b 2.0", fold, "principle: gauss",
+                                    "initial: {velocity: [0.0, 0.0]}"), "", 1.99979)):
+            with self.subTest(name):
+                self.check_stops(name, scene, words, *times)
 
     def check_refused(self, scene, *parts):
         path = self.folder / "refused.yaml"
