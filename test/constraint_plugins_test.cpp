@@ -3,6 +3,7 @@
 // their keys; that the documentation's examples are read; and that formulas are loaded whose
 // derivatives differences cannot resolve.
 
+#include <fstream>
 #include <set>
 
 #include "support/count_allocations.h"
@@ -29,43 +30,27 @@ Scene sceneOf(const std::string& constraint, const std::string& rest = "") {
 }
 
 struct Twin {
-  const char* plugin;
-  const char* formula;
+  std::string plugin;
+  std::string formula;
 };
 
-const Twin kTwins[] = {
-    {"KinematicRatio, shafts: [drive, load], ratio: 0.6", "order: 1, expression: \"w2-0.6*w1\""},
-    {"KinematicRatio, shafts: [load, drive], ratio: 0.6", "order: 1, expression: \"w1-0.6*w2\""},
-    {"KinematicRatio, shafts: [drive, load], ratio: \"2*3/10\"",
-     "order: 1, expression: \"w2-0.6*w1\""},
-    {"VBeltRatio, shafts: [drive, load], ratio_low: 0.4, ratio_high: 1.3, speed: 4, width: 0.7, "
-     "load: 3, load_torque: 11",
-     "order: 1, expression: \"w2-(0.4+0.45*(1+tanh(((w1/4)^2-1-3/11)/0.7)))*w1\""},
-    {"SlipRatio, shafts: [drive, load], time_constant: 0.2, ratio: 0.6",
-     "order: 2, expression: \"0.2*(e2-0.6*e1)+w2-0.6*w1\""},
-    {"SlipRatio, shafts: [load, drive], time_constant: 0.2, ratio: 0.6",
-     "order: 2, expression: \"0.2*(e1-0.6*e2)+w1-0.6*w2\""},
-    {"AccelerationMagnitude, shafts: [drive, load], magnitude: 2",
-     "order: 2, expression: \"e1^2+e2^2-4\""},
-    {"PowerFlow, shafts: [drive, load], inertias: [0.8, 2], power: 30",
-     "order: 2, expression: \"0.8*w1*e1+2*w2*e2-30\""},
-    {"PowerFlow, shafts: [drive, load], inertias: [0.8, 2], efficiency: 0.8, smoothing_power: 3",
-     "order: 2, expression: \"2*w2*e2+(1.25+0.8)/2*0.8*w1*e1+(1.25-0.8)/2*(sqrt((0.8*w1*e1)^2+9)-"
-     "3)\""},
-    {"TractionCurve, shafts: [drive, load], ratio: 0.6, inertia: 2, nominal_torque: 20, "
-     "nominal_slip: 0.05, sharpness: 1.5, load: 1, load_square: 0.02",
-     "order: 2, expression: "
-     "\"w2-0.6*w1*(1-0.05/sinh(1.5)*sinh((2*e2+1+0.02*w2^3/sqrt(w2^2+0.01))*1.5/20))\""},
-    {"ImposedJerk, shaft: load, jerk: 1.5", "order: 3, expression: \"j2-1.5\""},
-    {"JerkLimit, shaft: load, limit: 4, time_constant: 0.3, acceleration: 2",
-     "order: 3, expression: \"j2-4*tanh((2-e2)/1.2)\""},
-};
+/// The rows of test/constraint_twins.txt.
+const std::vector<Twin> kTwins = [] {
+  std::vector<Twin> twins;
+  std::ifstream file(VARIATOR_SIM_TEST_DIR "/constraint_twins.txt");
+  for (std::string line; std::getline(file, line);) {
+    const std::vector<std::string> sides = test::split(line, " => ");
+    if (sides.size() == 2 && line[0] != '#') twins.push_back({sides[0], sides[1]});
+  }
+  return twins;
+}();
 
 TEST(Plugins, HaveTheRowsOfTheirFormulas) {
+  ASSERT_FALSE(kTwins.empty());
   for (const Twin& twin : kTwins) {
     SCOPED_TRACE(twin.plugin);
     const Scene a = sceneOf(twin.plugin);
-    const Scene b = sceneOf(std::string("ExpressionConstraint, ") + twin.formula);
+    const Scene b = sceneOf("ExpressionConstraint, " + twin.formula);
     const Constraint& plugin = *a.constraints[0];
     const Constraint& formula = *b.constraints[0];
     ASSERT_EQ(plugin.order(), formula.order());
@@ -120,11 +105,11 @@ TEST(Plugins, AllocateNothing) {
 TEST(Plugins, MoveAsTheirFormulas) {
   for (const Twin& twin : kTwins) {
     for (const char* principle : {"generalized_gauss", "gauss"}) {
-      SCOPED_TRACE(std::string(twin.plugin) + ' ' + principle);
+      SCOPED_TRACE(twin.plugin + ' ' + principle);
       const std::string rest =
           std::string("principle: ") + principle + "\ninitial: {velocity: [5, 3], project: true}\n";
       Simulation plugin(sceneOf(twin.plugin, rest));
-      Simulation formula(sceneOf(std::string("ExpressionConstraint, ") + twin.formula, rest));
+      Simulation formula(sceneOf("ExpressionConstraint, " + twin.formula, rest));
       for (int n = 1; n <= 5; ++n) {
         const double t = 0.2 * n;
         ASSERT_TRUE(plugin.advanceTo(t).ok()) << plugin.describeStatus();

@@ -320,20 +320,6 @@ TEST(Sleep, AnOverdueCommandWakesAtItsInstant) {
   expectNear(once.sample(), awake.sample(), kFactor);
 }
 
-// A slow mode beside a fast one: the fast one's fall is no rest for the slow one.
-TEST(Sleep, WaitsForTheSlowestPartOfTheMotion) {
-  Scene scene = test::withTolerance(
-      test::sceneFromText("fast 1, slow 1000", {"one on fast: -10*w1", "other on slow: -w2"},
-                          "initial: {velocity: [10, 1e-3]}"),
-      1e-6);
-  Simulation simulation(std::move(scene));
-  for (double t : {1.0, 10.0, 100.0, 1000.0, 5000.0, 20000.0, 100000.0}) {
-    simulation.advanceTo(t);
-    EXPECT_NEAR(simulation.sample().velocity[1], 1e-3 * std::exp(-t / 1000.0), 2e-6) << t;
-  }
-  EXPECT_TRUE(simulation.isSleeping());
-}
-
 // --- against closed forms ------------------------------------------------------------------------
 /// One shaft of inertia 1 (or two equal ones): omega' = q - omega/T - k phi.
 struct Mode {
@@ -454,17 +440,6 @@ TEST(Sleep, KeepsTheToleranceOfSlowModesBesideFastOnes) {
     sleeps += simulation.isSleeping() ? 1 : 0;
   }
   EXPECT_GE(sleeps, kScenes * 9 / 10);  // the others step on
-}
-
-// All of the slow mode lies ahead when the fast one is over.
-TEST(Sleep, KeepsAModeOfHalfADay) {
-  const std::vector<Mode> modes = {{549.7636883532942, 0.0, 0.0, 0.0, 0.027890046638614375},
-                                   {1.0 / 44533.06336263404, 0.0, 0.0, 0.0, 9.9388612620976e-06}};
-  for (const char* principle : kPrinciples) {
-    Simulation simulation(test::sceneFromText(modesText(modes) + "principle: " + principle + "\n"));
-    simulation.advanceTo(44533.0);
-    EXPECT_LE(errorInTolerances(simulation.sample(), modes, kTolerance), 1.0) << principle;
-  }
 }
 
 // A residual velocity of 1e-12 rad/s would turn the shaft by 1e-5 rad.
