@@ -1,4 +1,4 @@
-// Events inside a step: edges that are settled on, and jumps of laws.
+// Events inside a step: corners and jumps of laws.
 // (test/known_motions.yaml has more of them, test/stress/pulses_test.cpp and law_jumps_test.cpp
 // those of steps that keep a tolerance.)
 
@@ -6,29 +6,6 @@
 
 namespace variator_sim {
 namespace {
-
-// A speed that settles where a law has a kink, and an input that settles on that of a clamp
-// and on a point of a table: nothing is crossed, so no step is made again.
-TEST(InsideOfAStep, WhatSettlesOnAnEdgeIsNotSearched) {
-  const char* const kLaws[] = {"5*clamp(u,0,1)-2*w1-abs(w1-2.5)", "5*curve(u)-2*w1-max(w1-2.5,0)"};
-  for (const char* law : kLaws) {
-    for (StepperKind stepper : {StepperKind::kDopri5, StepperKind::kFehlberg78, StepperKind::kRadau,
-                                StepperKind::kTaylor}) {
-      Scene scene = test::sceneFromText(
-          "a 1", {"q on a: " + std::string(law)},
-          "inputs: [u]\ntables: [curve]\nu: {topic: u, hold: first_order_lag, time_constant: "
-          "0.2}\ncurve: {x: [0, 0.4, 1, 2], values: [0, 0.3, 1, 5]}");
-      scene.solver.stepper = stepper;
-      scene.solver.sleep = false;
-      Simulation simulation(scene);
-      simulation.advanceTo(0.5);
-      simulation.command(0, 1.0);
-      ASSERT_TRUE(simulation.advanceTo(60.0).ok()) << simulation.describeStatus();
-      EXPECT_NEAR(simulation.sample().velocity[0], 2.5, 1e-6) << toString(stepper) << ", " << law;
-      EXPECT_LE(simulation.statistics().rejected_steps, 100U) << toString(stepper) << ", " << law;
-    }
-  }
-}
 
 // Beside a psi that is curved in the accelerations their way counts, not its ends alone. On the
 // circle e1 = g cos(a), e2 = g sin(a), with e3 = r e2 + d and d going from 0 to D, J = diag(1, 1,
@@ -74,30 +51,6 @@ TEST(CornersOfPsi, ArePassed) {
     EXPECT_NEAR(cornered.sample().acceleration[i], smooth.sample().acceleration[i], 1e-6);
   }
   EXPECT_LT(cornered.statistics().steps, 100U);
-}
-
-/// A torque that jumps in time: a sample at that very instant is of one side altogether, of the one
-/// behind, as with commands.
-TEST(TorquesThatJump, AreSampledOnOneSide) {
-  for (const char* principle : {"generalized_gauss", "gauss"}) {
-    for (const char* stepper : {"auto", "dopri5", "radau", "taylor"}) {
-      SCOPED_TRACE(std::string(principle) + " " + stepper);
-      Simulation simulation(test::sceneFromText(
-          "drive 0.5, load 1.2",
-          {"s on drive: 5 + if(t < 1, 0, 3)", "d on load: -0.1*w2", "k: 0.5*(e2-0.8*e1)+w2-0.8*w1"},
-          std::string("initial: {velocity: [10, 8]}\nprinciple: ") + principle +
-              "\nsolver: {stepper: " + stepper + "}"));
-      ASSERT_TRUE(simulation.advanceTo(1.0).ok());
-      const Sample at = simulation.sample();
-      ASSERT_TRUE(simulation.advanceTo(1.0 + 1e-9).ok());
-      const Sample& behind = simulation.sample();
-      EXPECT_NEAR(at.applied_torque[0], 8.0, 1e-12);
-      for (int i = 0; i < 2; ++i) {
-        EXPECT_NEAR(at.acceleration[i], behind.acceleration[i], 1e-7) << i;
-        EXPECT_NEAR(at.reaction_torque[i], behind.reaction_torque[i], 1e-7) << i;
-      }
-    }
-  }
 }
 
 /// Accelerations of least reaction along a psi that is not linear in them, under a torque that

@@ -460,23 +460,6 @@ TEST(Sleep, AnglesDoNotCreep) {
   }
 }
 
-// The angle's tolerance grows with it where a shaft spins away from 0; on the way to 0 it shrinks.
-TEST(Sleep, SpinningShaftsStayOnTheirWay) {
-  for (const char* principle : kPrinciples) {
-    for (double angle : {0.0, 1e5, -1e5}) {
-      const std::vector<Mode> modes = {{0.5, 0.0, 1.5, angle, 2.0}, {2.0, 0.0, -0.5, angle, 0.0}};
-      Simulation simulation(
-          test::sceneFromText(modesText(modes) + "principle: " + principle + "\n"));
-      for (double t : {100.0, 1e3, 33333.0, 4e5, 1e7}) {
-        simulation.advanceTo(t);
-        EXPECT_LE(errorInTolerances(simulation.sample(), modes, kTolerance), 2.0)
-            << principle << ", " << angle << " at " << t;
-      }
-      EXPECT_TRUE(simulation.isSleeping());
-    }
-  }
-}
-
 // A torque of 1e-14 N m alone changes the speed within months; a term of rest takes it for nothing,
 // but its end does not.
 TEST(Sleep, ItsTermEndsAndIsRenewed) {
@@ -533,37 +516,6 @@ TEST(Sleep, NotAtASaddle) {
     exact.advanceTo(1e6);
     EXPECT_TRUE(exact.isSleeping());
     EXPECT_EQ(exact.sample().angle[0], 0.0);
-  }
-}
-
-// Two equal shafts of friction d, coupled by a spring and a damper: their sum and their difference
-// are modes.
-TEST(Sleep, ElasticCouplingsStayAtRest) {
-  for (const char* principle : kPrinciples) {
-    for (double friction : {0.01, 0.2}) {
-      for (double stiffness : {0.5, 300.0}) {
-        constexpr double kDamping = 0.3;
-        Simulation simulation(test::sceneFromText(
-            "a 1, b 1",
-            {"c = ElasticCoupling, shafts: [a, b], stiffness: " + plainly(stiffness) +
-                 ", damping: " + plainly(kDamping),
-             "fa = ExpressionTorque, shaft: a, torque: '-d*w1', parameters: {d: " +
-                 plainly(friction) + "}",
-             "fb = ExpressionTorque, shaft: b, torque: '-d*w2', parameters: {d: " +
-                 plainly(friction) + "}"},
-            std::string("initial: {velocity: [3, 1]}\nprinciple: ") + principle));
-        const Mode sum{friction, 0.0, 0.0, 0.0, 4.0};
-        const Mode difference{friction + 2.0 * kDamping, 2.0 * stiffness, 0.0, 0.0, 2.0};
-        for (double t : {10.0, 100.0, 1000.0, 1e4, 1e5}) {
-          simulation.advanceTo(t);
-          const Sample& sample = simulation.sample();
-          const double tolerance = 3.0 * kTolerance * (1.0 + sum.at(t).first);
-          EXPECT_NEAR(sample.angle[0] + sample.angle[1], sum.at(t).first, tolerance) << t;
-          EXPECT_NEAR(sample.angle[0] - sample.angle[1], difference.at(t).first, tolerance) << t;
-          EXPECT_NEAR(sample.velocity[0] + sample.velocity[1], sum.at(t).second, 3e-9) << t;
-        }
-      }
-    }
   }
 }
 
