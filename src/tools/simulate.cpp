@@ -414,7 +414,9 @@ int runSimulate(const std::vector<std::string>& words) {
        {options.save_state_path, options.events_path, options.curves_path, options.emit_fmu_path}) {
     if (!path.empty()) checkWritable(path);
   }
-  Simulation simulation(useTree(options, readSceneWithPlugins));
+  // (An error of the start names the file, too.)
+  Simulation simulation = useTree(
+      options, [](const ParameterTree& tree) { return Simulation(readSceneWithPlugins(tree)); });
   for (const std::string& warning : simulation.scene().warnings) tell("warning: " + warning);
   if (options.compile) {
     g_work = kWriting;
