@@ -341,9 +341,15 @@ VS_FUNCTION_RARE scene_status vs_decide(scene_model* m, int is_start) {
   vs_enter_state(m, it);
   for (i = 0; i < HOLDS; ++i) told[i] = m->now.told[i];
   if (!IS_CLASSICAL && !is_start) vs_reaction(it, m->memory);
-  for (i = 0; i < S && !IS_CLASSICAL; ++i) {
-    for (p = 0; p < K && !is_start; ++p)
-      m->memory[i] -= vs_direction(it, p, i) * m->now.multiplier[p];
+  for (i = 0; i < S && !IS_CLASSICAL && !is_start; ++i) {
+    double size = vs_own_size(it, i, 0);
+    for (p = 0; p < K; ++p) {
+      const Real torque = vs_direction(it, p, i) * m->now.multiplier[p];
+      m->memory[i] -= torque;
+      size += fabs(torque);
+    }
+    /* (Behind an impact no torque may be left that it would be rounding of.) */
+    if (fabs(m->memory[i]) <= vs_noise(it) * size) VS_SET_VALUE(m->memory[i], 0.0);
   }
   for (i = 0; i < HOLDS; ++i) m->meets[i] = 0;
   ahead = m->now;
