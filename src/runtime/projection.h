@@ -12,8 +12,8 @@ VS_FUNCTION int vs_has_converged(const Real* values, const Real* change, double*
     if (!isfinite(values[i])) return 0;
   }
   ends = size <= VS_CONVERGED * length || size == 0.0;
-  /* Rounding keeps corrections to tiny values from shrinking. */
-  ends = ends || (size >= 0.5 * *previous && size <= 1e-12 * (length + 1.0));
+  /* Rounding keeps corrections to tiny values from shrinking, or lets them do so without end. */
+  ends = ends || (size >= 0.5 * *previous && size <= 1e-12 * (length + 1.0)) || size <= 1e-30;
   *previous = ends && VS_CONVERGES_LATE ? -1.0 : size;
   return ends && !VS_CONVERGES_LATE;
 }
