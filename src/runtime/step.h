@@ -187,12 +187,16 @@ VS_FUNCTION scene_status vs_pass(scene_model* m, vs_event* at, double* theta, do
   scene_status status = SCENE_OK;
   int round;
   *is_smooth = !is_crossed;
+  at->lost = -1;
   if (HOLDS && at->element >= 0) {
     if (at->theta > 0.0) status = vs_land(m, at, theta, defect, why);
     if (at->theta == 0.0) *theta = 0.0;
     *is_smooth = 0;
     m->event = *theta;
-    return status;
+    if (at->lost < 0) return status;
+    /* (A guard that the state passes with the mode comes first.) */
+    vs_meet_lost(vs_series(m), &m->series[1 - m->present], at, *theta);
+    is_crossed = 1;
   }
   for (round = 0; round < 2; ++round) {
     if (is_crossed) {

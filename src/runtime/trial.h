@@ -269,7 +269,7 @@ VS_FUNCTION scene_status vs_try(scene_model* m, vs_event* at, double* theta, dou
 
 /* Moves to the end of an element's mode, where its condition is 0 by the state itself: the series
  * is off by what the step is. */
-VS_FUNCTION scene_status vs_land(scene_model* m, const vs_event* at, double* theta, double* defect,
+VS_FUNCTION scene_status vs_land(scene_model* m, vs_event* at, double* theta, double* defect,
                                  scene_status* why) {
   const scene_series* const it = vs_series(m);
   const scene_state before = m->now;
@@ -282,6 +282,7 @@ VS_FUNCTION scene_status vs_land(scene_model* m, const vs_event* at, double* the
   for (round = 0; round < 5; ++round) {
     const scene_status status = vs_try(m, &none, theta, defect, why);
     double slope = 0.0, by, value;
+    at->lost = none.lost;
     if (status != SCENE_OK || *defect > 1.0) return status;
     if (!vs_condition(m, &m->series[1 - m->present], at->element, at->condition, c)) break;
     value = c[0];
