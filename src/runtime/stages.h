@@ -359,8 +359,9 @@ VS_FUNCTION_RARE int vs_is_rounded(const scene_series* it, const double* noise) 
   return 0;
 }
 
-/* Finds the part of each acceleration that rounding of the state makes, by the torques and by psi, which moves the accelerations along J^-1 C'. Where the torques' is much, so does what they
- * move psi by, and rounding of the time inside formulas counts, too. */
+/* Finds the part of each acceleration that rounding of the state makes, by the torques and by psi,
+ * which moves the accelerations along J^-1 C'. Where the torques' is much, so does what they move
+ * psi by, and rounding of the time inside formulas counts, too. */
 VS_FUNCTION_RARE void vs_find_noise(const scene_series* it, scene_series* w, const vs_stages* of) {
   double changed[MOST_SIZE + MOST_INPUTS] = {0.0}; /* residuals, by the state as a whole */
   double own[MOST_SHAFTS];

@@ -88,8 +88,8 @@ VS_FUNCTION_RARE double vs_stiffness(const scene_model* m, const scene_series* i
     const double tolerance = vs_tolerance(it, c[0]);
     const double shorter = noise > 0.0 ? pow(1.0 + noise / tolerance, 1.0 / last) : 1.0;
     if (size[i] >= limiting * largest)
-      stiffest = seriesLarger(stiffest,
-                              shorter * vs_stiffness_of(c, last, tolerance + noise, theta));
+      stiffest =
+          seriesLarger(stiffest, shorter * vs_stiffness_of(c, last, tolerance + noise, theta));
   }
   return stiffest;
 }
@@ -104,13 +104,16 @@ VS_FUNCTION_RARE void vs_go_over(scene_model* m, int method) {
   m->choice.suspicions = m->choice.quiet = m->choice.made = 0;
 }
 
-/* Behind a step of h s by series that may have been longer only where it was cut: implicit ones are
- * tried where its stability has limited some steps. */
+/* Behind a step of h s by series: implicit ones are tried where its stability has limited some
+ * steps, or a guard, whose coefficients are those of a fast component, many after each other. */
 VS_FUNCTION_RARE void vs_suspect(scene_model* m, const scene_series* it, double h) {
-  enum { VS_SUSPICIONS = 3, VS_QUIET = 5 };
+  enum { VS_SUSPICIONS = 3, VS_QUIET = 5, VS_CUT = 20 };
   scene_choice* const choice = &m->choice;
-  if (h < m->usual * (1.0 - 1e-9)) return; /* it was cut */
-  if (!(vs_stiffness(m, it, h / it->unit) > 0.7)) {
+  const int is_cut = h < m->usual * (1.0 - 1e-9);
+  const int is_stiff = vs_stiffness(m, it, h / it->unit) > (is_cut ? 0.3 : 0.7);
+  choice->made = is_cut && is_stiff ? choice->made + 1 : 0;
+  if (is_cut && choice->made < VS_CUT) return;
+  if (!is_stiff) {
     if (++choice->quiet >= VS_QUIET) choice->suspicions = 0;
     return;
   }
