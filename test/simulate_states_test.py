@@ -77,6 +77,22 @@ class SimulateStatesTest(SimulateTestCase):
                 self.assertEqual(rest[-len(later):], later)
                 self.assertLessEqual(len(rest), len(later) + 2)
 
+    def test_a_jump_in_time_acts_once(self):
+        """The step over it ends 1e-14 s behind it, and stands for instants a rounding before it, too."""
+        scene = self.write("scene.yaml", """
+shafts: [a, b]
+a: {inertia: 1}
+b: {inertia: 1}
+torques: [q]
+q: {type: variator_sim/ExpressionTorque, shaft: a, torque: "if(t < 1, 0, 1)"}
+constraints: [gear]
+gear: {type: variator_sim/KinematicRatio, shafts: [a, b], ratio: "1 + 0.1*sin(t)"}
+""")
+        state = str(self.folder / "state.yaml")
+        for save_at in ("0.5", "0.9999999999999998", "0.9999999999999999", "0.99999999999999"):
+            end = self.lines(scene, "--times", "2", "--save-state", state, "--save-at", save_at)[-1]
+            self.assertAlmostEqual(float(end.split(",")[2]), 0.4581483603, delta=1e-8)
+
     def test_the_state_of_the_end_is_saved(self):
         state = str(self.folder / "state.yaml")
         last = self.lines(STEPS, "--duration", "0.7", "--save-state", state)[-1]
