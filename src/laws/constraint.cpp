@@ -106,6 +106,7 @@ void Constraint::compile(Node given, int order, const std::string& path) {
   setFormulas({given});
   order_ = order;
   std::vector<Node> C;
+  C.reserve(static_cast<std::size_t>(s));
   for (int i = 0; i < s; ++i) {
     C.push_back(graph.differentiate(given, slotOf(kHighest[order - 1], i)));
   }
