@@ -24,7 +24,7 @@ bool isIndex(const std::string& step) {
 std::vector<std::string> splitPath(const std::string& path) {
   static const std::regex kIndex(R"(\[(\d{1,9})\](?=[/[]|$))");
   const std::string plain = std::regex_replace(path, kIndex, "/$1");
-  const std::vector<std::string> steps = splitAt(plain, '/');
+  std::vector<std::string> steps = splitAt(plain, '/');
   const bool is_valid = plain.find_first_of("[]") == plain.npos && !contains(steps, "");
   if (steps.size() > kDeepestNesting) {
     throw SceneError("", inQuotes(path) + " has more than " + std::to_string(kDeepestNesting) +

@@ -281,6 +281,7 @@ void verifyDerivatives(const Scene& scene) {
       const OpaqueFunction& function = *graph.opaqueOf(entry);
       if (expression::OpaqueSlope::countIn(function) > 0) continue;
       std::vector<expression::Node> arguments;
+      arguments.reserve(static_cast<std::size_t>(function.argumentCount()));
       for (int i = 0; i < function.argumentCount(); ++i) arguments.push_back({entry.operands[i]});
       verify(scene, function, expression::Tape(graph, arguments), *law, kind);
     }

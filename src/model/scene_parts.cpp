@@ -264,7 +264,7 @@ class Merge {
 
   /// Returns the value at `key`, for more to be put into it: an empty one if there is none. Throws
   /// SceneError where it is of another kind.
-  ParameterTree& valueAt(const std::string& key, ParameterTree empty) {
+  ParameterTree& valueAt(const std::string& key, const ParameterTree& empty) {
     ParameterTree& value = root_[key];
     if (value.kind() == Kind::kNothing) value = empty;
     requireKind(empty.kind(), value, key, empty.describeKind());

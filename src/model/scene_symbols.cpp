@@ -163,6 +163,7 @@ Table readTable(ParameterReader& reader, std::vector<std::string>* warnings) {
     table = readFileTable(reader, shape, keys);
   } else {
     std::vector<std::string> names;
+    names.reserve(keys.size());
     for (const auto& key : keys) names.emplace_back(key.first);
     const std::vector<Unit> units = readUnits(reader, names);
     std::vector<Table::Column> columns;

@@ -54,6 +54,7 @@ template <class Value>
 std::string arrayOf(const std::string& type, const std::string& name,
                     const std::vector<Value>& values) {
   std::vector<std::string> words;
+  words.reserve(values.size());
   for (const Value value : values) words.push_back(literalOf(value));
   return arrayOf(type, name, words);
 }

@@ -46,7 +46,7 @@ std::string MotionProgram::writeLists(bool shares) const {
 #undef VARIATOR_SIM_WRITE
   text += "\n/* The rows of formulas, by shaft and constraint, and the commanded inputs */\n";
 #define VARIATOR_SIM_WRITE(type, name) \
-  text += arrayOf(#type, #name, name.values);  // NOLINT: a member
+  text += arrayOf(#type, #name, (name).values);  // NOLINT: a member
   VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_WRITE)
   VARIATOR_SIM_MOTION_NUMBER_LISTS(VARIATOR_SIM_WRITE)
   VARIATOR_SIM_MOTION_COMMANDS(VARIATOR_SIM_WRITE)
@@ -62,7 +62,7 @@ std::string MotionProgram::writeLists(bool shares) const {
 /// Writes those lists that the structure of the scene determines, and where the others are.
 std::string MotionProgram::writeSharedLists() const {
   std::string text;
-#define VARIATOR_SIM_WRITE(type, name) text += arrayOf(#type, #name, name.values);
+#define VARIATOR_SIM_WRITE(type, name) text += arrayOf(#type, #name, (name).values);
   VARIATOR_SIM_MOTION_LISTS(VARIATOR_SIM_WRITE)
 #undef VARIATOR_SIM_WRITE
   return text + arrayOf("double", "timeout_of", std::vector<double>(timeout_of.values.size())) +
@@ -147,11 +147,14 @@ std::string MotionProgram::writeOrders(bool in_units) const {
   std::string text;
   for (int n = 1; n <= SCENE_ORDER; ++n) {
     const std::string order = std::to_string(n);
-    each += " X(" + order + ")";
-    here += " VS_ORDER_" + order + "(X)";
+    const std::string call = "X(" + order + ")";
+    const std::string name = "VS_ORDER_" + order + "(X)";
+    each.append(" ").append(call);
+    here.append(" ").append(name);
     // The last unit has all else to compile.
-    text += "#if UNITS == 1 || " + order + " % (UNITS - 1) == UNIT\n#define VS_ORDER_" + order +
-            "(X) X(" + order + ")\n#else\n#define VS_ORDER_" + order + "(X)\n#endif\n";
+    text.append("#if UNITS == 1 || ").append(order).append(" % (UNITS - 1) == UNIT\n#define ");
+    text.append(name).append(" ").append(call).append("\n#else\n#define ");
+    text.append(name).append("\n#endif\n");
   }
   if (!in_units) return "#ifndef VS_SMALL\n" + each + "\n#endif\n";
   return each + "\n" + text + here +
