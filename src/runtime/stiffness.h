@@ -111,7 +111,7 @@ VS_FUNCTION_RARE void vs_suspect(scene_model* m, const scene_series* it, double 
   scene_choice* const choice = &m->choice;
   const int is_cut = h < m->usual * (1.0 - 1e-9);
   const int is_stiff = vs_stiffness(m, it, h / it->unit) > (is_cut ? 0.3 : 0.7);
-  choice->made = is_cut && is_stiff ? choice->made + 1 : 0;
+  choice->made = !is_cut ? 0 : choice->made + is_stiff;
   if (is_cut && choice->made < VS_CUT) return;
   if (!is_stiff) {
     if (++choice->quiet >= VS_QUIET) choice->suspicions = 0;
