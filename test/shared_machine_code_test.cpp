@@ -107,6 +107,21 @@ TEST_F(SharedMachineCode, IsThatOfTheSamePatternOfInertiaOnly) {
   }
 }
 
+/// Equal tables are one.
+TEST_F(SharedMachineCode, IsThatOfAsManyTablesOnly) {
+  const auto scene = [](const std::string& values) {
+    return test::sceneText("a 1, b 2", {"p on a: one(w1)", "q on b: two(w2)"},
+                           "initial: {velocity: [10, 6]}\ntables: [one, two]\n"
+                           "one: {x: [0, 5, 20], values: [0, -1, -6]}\n"
+                           "two: {x: [0, 5, 20], values: " +
+                               values + "}");
+  };
+  Simulation first = interpreted(scene("[0, -1, -6]"));
+  ASSERT_TRUE(first.loadMachineCode(true)) << first.machineCode();
+  EXPECT_TRUE(interpreted(scene("[0, -1, -6]")).shareMachineCode(first));
+  EXPECT_FALSE(interpreted(scene("[0, -1, -5]")).shareMachineCode(first));
+}
+
 /// A scene whose numbers outside its formulas were changed gets the programs of another one.
 TEST_F(SharedMachineCode, GoesAlongWithProgramsOfTheSameScene) {
   const std::string tests = VARIATOR_SIM_TEST_DIR;
