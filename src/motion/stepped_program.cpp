@@ -218,6 +218,7 @@ bool SteppedProgram::loadCode(bool compile, bool patiently) {
   }
   code_ = "the interpreter: " + reason;
   if (!hasCode()) return false;
+  structure_ = program_.structure();
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
   code_ = library_->wasCompiled() ? printed("machine code, compiled in %.2g s", seconds.count())
                                   : "machine code, from the cache";
@@ -226,10 +227,12 @@ bool SteppedProgram::loadCode(bool compile, bool patiently) {
 
 bool SteppedProgram::shareCode(const SteppedProgram& other) {
   if (hasCode() || scene_.solver.machine_code == MachineCode::kNever) return hasCode();
-  const bool is_shared =
-      other.hasCode() && program_.structure() == other.program_.structure() && use(other.library_);
-  if (is_shared) code_ = "machine code, of another run";
-  return is_shared;
+  if (!other.hasCode()) return false;
+  std::string structure = program_.structure();
+  if (structure != other.structure_ || !use(other.library_)) return false;
+  structure_ = std::move(structure);
+  code_ = "machine code, of another run";
+  return true;
 }
 
 }  // namespace variator_sim

@@ -129,6 +129,7 @@ class SteppedProgram {
   std::unique_ptr<HostedMotion> host_;
   std::unique_ptr<HostedMotion> next_host_;  ///< takes over at the next beginning, or null
   std::shared_ptr<KernelLibrary> library_;   ///< of machine code, or null
+  std::string structure_;                    ///< of the program, where there is code
   int made_since_ = 0;                       ///< steps, since the state was given
   double begin_ = 0.0;                       ///< start of the last step, s
   double begin_rest_ = 0.0;                  ///< the part of it that a double rounds off
