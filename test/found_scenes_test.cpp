@@ -341,5 +341,25 @@ TEST_P(FoundTorque, IsRightBesideABrake) {
 
 INSTANTIATE_TEST_SUITE_P(Test, FoundTorque, testing::ValuesIn(FoundTorque::all()), nameOf);
 
+TEST(FoundState, IsRestoredToTheBit) {
+  const Scene scene = sceneFromFile(pathOf("R4_restored_not_to_the_bit.yaml"));
+  Simulation saved(scene);
+  saved.advanceTo(0.37);
+  MotionState state;
+  ASSERT_TRUE(saved.saveState(&state));
+  Simulation restored(scene);
+  ASSERT_EQ(restored.setState(state), "");
+  for (const double time : {1.0, 2.018}) {
+    saved.advanceTo(time);
+    restored.advanceTo(time);
+    for (int i = 0; i < 2; ++i) {
+      EXPECT_EQ(restored.sample().velocity[i], saved.sample().velocity[i]) << time;
+      EXPECT_EQ(restored.sample().acceleration[i], saved.sample().acceleration[i]) << time;
+      EXPECT_EQ(restored.sample().reaction_torque[i], saved.sample().reaction_torque[i]) << time;
+      EXPECT_EQ(restored.sample().reaction_torque_rate[i], saved.sample().reaction_torque_rate[i]);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace variator_sim::test
