@@ -19,7 +19,7 @@ VS_FUNCTION int vs_plain_mode(int h, int mode) {
 }
 
 VS_FUNCTION double vs_tolerance(const scene_series* it, double size) {
-  const double least = 1e-100; /* Of a value that passes 0 none would be left without it. */
+  const double least = 1e-100; /* An absolute tolerance of 0 would leave none to a value of 0. */
   (void)it;
   return ABSOLUTE_TOLERANCE + least + RELATIVE_TOLERANCE * fabs(size);
 }

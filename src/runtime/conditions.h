@@ -64,28 +64,36 @@ VS_FUNCTION_RARE double vs_torque_noise(const scene_series* it, int h, int n) {
          (C > 0.0 ? rounding * (n > 0 ? vs_size_of_all(it, n) : it->all_torques) / C : 0.0);
 }
 
+/* The bound |f_k+1| (|f_k+1| / |f_k|)^(n-k-1) of coefficient n of a slip that rounding left and
+ * that a constraint makes die away, as that of SlipRatio does: f_k is the first that is not 0. Its
+ * rate is no more than some 1/unit, which steps resolve; for n < 2, or a faster one, it is 0. */
+VS_FUNCTION_RARE double vs_decayed_slip(const Real* f, int n) {
+  const double most_rate = 8.0; /* 1/unit */
+  double rate, bound;
+  int k = 0;
+  if (n < 2) return 0.0;
+  while (k < n - 2 && f[k] == 0.0) ++k;
+  rate = fabs(f[k + 1] / f[k]);
+  if (!(rate <= most_rate)) return 0.0;
+  bound = fabs(f[k + 1]);
+  for (k += 2; k <= n && bound > 0.0; ++k) bound *= rate;
+  return bound;
+}
+
 /* The size of coefficient n of a slip that is rounding: what a torque that is rounding makes of it,
  * f_n = unit/n C J^-1 C' T_{n-1}, and as much again: a torque that lets go, by more than rounding
  * or not, leaves a slip that does not turn back. */
 VS_FUNCTION_RARE double vs_slip_noise(const scene_series* it, int h, int n) {
-  const double most_rate = 8.0; /* 1/unit */
-  double size = 0.0, mobility = 0.0, died = 0.0;
+  double size = 0.0, mobility = 0.0;
   int i;
   for (i = 0; i < S; ++i) {
     const double C = fabs(vs_entry(it, CONSTRAINTS + h, i));
     size += C * fabs(it->row[VELOCITY + i][0]);
     mobility += C * C / vs_inertia(it, i, i);
   }
-  if (n > 1) { /* (One that rounding leaves dies away by the rates that constraints have.) */
-    const Real* const f = it->row[slip_row[h]];
-    double rate;
-    for (i = 0; i < n - 2 && f[i] == 0.0; ++i) continue;
-    rate = fabs(f[i + 1] / f[i]);
-    if (rate <= most_rate) died = fabs(f[i + 1]);
-    for (i += 2; i <= n && died > 0.0; ++i) died *= rate;
-  }
   if (n > 0)
-    return seriesLarger(died, 2.0 * it->unit / n * mobility * vs_torque_noise(it, h, n - 1));
+    return seriesLarger(vs_decayed_slip(it->row[slip_row[h]], n),
+                        2.0 * it->unit / n * mobility * vs_torque_noise(it, h, n - 1));
   return seriesLarger((1.0 + it->slack) * 1e-3 * ABSOLUTE_TOLERANCE, vs_noise(it) * size);
 }
 

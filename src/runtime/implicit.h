@@ -115,13 +115,13 @@ VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* 
   const double between = of->method->stages == 3 ? 0.018 : 0.0011;
   /* (Accelerations that follow from the state jump with their formulas, in any step.) */
   const int has_jump = IS_CLASSICAL && vs_jumps_inside(it, of->method->stages);
-  double norm = 0.0, rest = 0.0, allowed;
+  double norm = 0.0, rest = 0.0;
   int i, p;
   vs_find_defect(it, of, g, by, x);
   vs_damp(of, by, x);
   /* (What is stuck has no error but that of the torque by which it lets go.) */
   for (p = 0; p < K && TRANSMITS && !IS_CLASSICAL; ++p) {
-    allowed = vs_tolerance(it, it->row[TRANSMITTED + p][0]);
+    const double allowed = vs_tolerance(it, it->row[TRANSMITTED + p][0]);
     norm = seriesLarger(norm, fabs(g * x[S + p]) / allowed);
   }
   if (is_first) { /* and again: R has changed by by + g C' x */
@@ -136,6 +136,7 @@ VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* 
     vs_damp(of, by, x);
   }
   for (i = 0; i < S; ++i) {
+    const double allowed = vs_tolerance(it, it->row[ACCELERATION + i][0]);
     norm = seriesLarger(norm, fabs(by[S + i]) / vs_tolerance(it, it->row[VELOCITY + i][0]));
     if (FIRST_JUDGED == 0)
       norm = seriesLarger(norm, fabs(by[2 * S + i]) / vs_tolerance(it, it->row[ANGLE + i][0]));
@@ -145,8 +146,7 @@ VS_FUNCTION_RARE double vs_stage_error(const scene_series* it, const vs_stages* 
       x[i] = seriesSmaller(
           fabs(between * vs_coefficient(of, of->method->stages - 1, it->row[ACCELERATION + i])),
           vs_last_term(of, it->row[ACCELERATION + i]));
-    /* (No shorter step has less than what rounding makes. Series may do with it.) */
-    allowed = vs_tolerance(it, it->row[ACCELERATION + i][0]);
+    /* (A shorter step has as much rounding. Under `auto` series may take over.) */
     norm = seriesLarger(norm, SERIES_LEAD ? (fabs(x[i]) - of->noise[i]) / allowed
                                           : fabs(x[i]) / (allowed + of->noise[i]));
     rest += 0.0 * x[i];

@@ -187,7 +187,6 @@ VS_FUNCTION scene_status vs_pass(scene_model* m, vs_event* at, double* theta, do
   scene_status status = SCENE_OK;
   int round;
   *is_smooth = !is_crossed;
-  at->lost = -1;
   if (HOLDS && at->element >= 0) {
     if (at->theta > 0.0) status = vs_land(m, at, theta, defect, why);
     if (at->theta == 0.0) *theta = 0.0;

@@ -83,13 +83,13 @@ VS_FUNCTION_RARE double vs_stiffness(const scene_model* m, const scene_series* i
     const int is_memory = i >= COMPONENTS;
     const Real* const c = it->row[is_memory ? STATE + i - COMPONENTS : ANGLE + i];
     const int last = is_memory ? it->order + 1 : vs_last(it);
-    /* (What the rounding of accelerations stirs up never dies away, and shortens steps by this.) */
+    /* (Rounding of the accelerations keeps a fast component alive, and its steps shorter.) */
     const double noise = i >= 2 * S && !is_memory ? m->noise[i - 2 * S] : 0.0;
     const double tolerance = vs_tolerance(it, c[0]);
-    const double shorter = noise > 0.0 ? pow(1.0 + noise / tolerance, 1.0 / last) : 1.0;
-    if (size[i] >= limiting * largest)
-      stiffest =
-          seriesLarger(stiffest, shorter * vs_stiffness_of(c, last, tolerance + noise, theta));
+    double shorter = 1.0;
+    if (!(size[i] >= limiting * largest)) continue;
+    if (noise > 0.0) shorter = pow(1.0 + noise / tolerance, 1.0 / last);
+    stiffest = seriesLarger(stiffest, shorter * vs_stiffness_of(c, last, tolerance + noise, theta));
   }
   return stiffest;
 }
