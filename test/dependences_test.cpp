@@ -1,4 +1,4 @@
-// What the laws of this package, and formulas, read of the time and the angles
+// Checks which times and angles the laws of this package, and formulas, read
 // (test/dependences.txt).
 
 #include <fstream>

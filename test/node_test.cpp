@@ -46,7 +46,7 @@ class Node {
     EXPECT_TRUE(waitFor([this] {
       return !statuses_.empty() && !scenes_.empty() && state_.getNumPublishers() > 0;
     }));
-    // A node whose time stands tells its state to whoever comes.
+    // A paused node publishes its state once more for each new subscriber.
     EXPECT_TRUE(waitFor(
         [this] { return statuses_.back().state != SimulationStatus::PAUSED || !states_.empty(); }));
   }

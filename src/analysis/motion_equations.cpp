@@ -133,7 +133,7 @@ void MotionEquations::refuseLosses(const SceneHold& hold, LossMode mode) {
                      "has losses, which linear models and steady states here do not know beside a "
                      "constraint of order 3 under 'principle: gauss'; allowed: orders 1 and 2");
   }
-  // Where D changes, R' = D^T lambda' + dD/dt^T lambda, and lambda would be a state.
+  // R' = D^T lambda' + dD/dt^T lambda: with a D that changes, lambda would be a state.
   if (is_gauss || graph_.isConstant(inModes(hold.slope[mode.line]))) return;
   throw SceneError(name,
                    "has losses whose part of the torque changes, which linear models and steady "
